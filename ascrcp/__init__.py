@@ -1,0 +1,1 @@
+"""Automatic Shotcrete Robot Control Platform."""

@@ -1,0 +1,33 @@
+"""The one tree of errors: what was wrong, where, and what is allowed."""
+
+
+class AscrcpError(Exception):
+    """Base of every error this project raises on purpose; the message is one clear line."""
+
+
+class InputError(AscrcpError):
+    """Bad input from outside (file, option, configuration, array). The CLI exits 2 on it."""
+
+
+class ConfigError(InputError):
+    """A configuration file that breaks its schema: file, key, value, allowed range."""
+
+
+class RecognitionError(InputError):
+    """A cloud in which no tunnel heading can be found; the message says what is missing."""
+
+
+class UnreachableError(AscrcpError):
+    """A pose or path the arm cannot reach; the message names the reason."""
+
+
+class DeviceError(AscrcpError):
+    """A device that cannot be opened, answers wrongly or went away."""
+
+
+class RefusedError(AscrcpError):
+    """A request the state machine does not allow now; the message says why."""
+
+
+class CancelledError(AscrcpError):
+    """A job the operator cancelled. Nothing half-written remains."""
