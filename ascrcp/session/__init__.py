@@ -1,0 +1,1 @@
+"""The job: state machine, worker threads, control thread, round folder, recorder, report."""

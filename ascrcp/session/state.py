@@ -1,0 +1,129 @@
+"""The job's state machine, pure: which step may start, and what each event makes of the state.
+
+Thesis 6.1.2: zero joints -> recognise and solve -> load -> go to start -> run, with stop from any
+state. The arm's place and the plan are two things: moving the arm away from the scan pose takes
+back "zeroed" but keeps a finished plan.
+"""
+
+from dataclasses import dataclass, replace
+from enum import Enum
+
+
+class Mode(Enum):
+    """Who decides where the nozzle goes (thesis 6.1.2)."""
+
+    AUTOMATIC = "automatic"
+    SEMI_AUTOMATIC = "semi_automatic"
+
+
+class Step(Enum):
+    """The five buttons of the thesis, in order."""
+
+    ZERO = "zero"
+    RECOGNISE = "recognise"
+    LOAD = "load"
+    GO_TO_START = "go_to_start"
+    RUN = "run"
+
+    @property
+    def moves(self) -> bool:
+        """Whether the arm moves in this step."""
+        return self in (Step.ZERO, Step.GO_TO_START, Step.RUN)
+
+
+STEPS = tuple(Step)
+
+# a step that starts takes back these, because they are no longer true
+_TAKES_BACK = {
+    Step.ZERO: {Step.ZERO, Step.GO_TO_START, Step.RUN},
+    Step.RECOGNISE: {Step.RECOGNISE, Step.LOAD, Step.GO_TO_START, Step.RUN},
+    Step.LOAD: {Step.LOAD, Step.GO_TO_START, Step.RUN},
+    Step.GO_TO_START: {Step.ZERO, Step.GO_TO_START, Step.RUN},
+    Step.RUN: {Step.GO_TO_START, Step.RUN},
+}
+_NEEDS = {
+    Step.RECOGNISE: Step.ZERO,
+    Step.LOAD: Step.RECOGNISE,
+    Step.GO_TO_START: Step.LOAD,
+    Step.RUN: Step.GO_TO_START,
+}
+
+
+@dataclass(frozen=True)
+class JobState:
+    """Where the job stands.
+
+    Attributes:
+        mode: Chosen mode.
+        active: The step being worked on, None at rest.
+        done: Steps finished and still true.
+        stopped: A stop is latched; only reset leads out.
+        has_joystick: Whether a joystick is there for the semi-automatic run.
+    """
+
+    mode: Mode = Mode.AUTOMATIC
+    active: Step | None = None
+    done: frozenset[Step] = frozenset()
+    stopped: bool = True
+    has_joystick: bool = False
+
+
+class Refusal(Enum):
+    """Why a step may not start now; texts are (English, Chinese)."""
+
+    STOPPED = ("Stopped: remove the cause and press reset first.", "已停止：请先排除原因并复位。")
+    BUSY = ("Another step is still running.", "另一步骤正在进行。")
+    NEEDS_ZERO = ("Zero the joints first.", "请先关节归零。")
+    NEEDS_RECOGNISE = ("Recognise and solve first.", "请先识别解算。")
+    NEEDS_LOAD = ("Load the joint sequence first.", "请先读取数据。")
+    NEEDS_GO_TO_START = ("Go to the start first.", "请先运动至初始点。")
+    NEEDS_JOYSTICK = (
+        "Semi-automatic mode needs a joystick; none is connected.",
+        "半自动模式需要摇杆；未连接摇杆。",
+    )
+
+
+def refusal(state: JobState, step: Step) -> Refusal | None:
+    """Return why a step may not start now, or None if it may."""
+    if state.stopped:
+        return Refusal.STOPPED
+    if state.active is not None:
+        return Refusal.BUSY
+    needed = _NEEDS.get(step)
+    if needed is not None and needed not in state.done:
+        return Refusal[f"NEEDS_{needed.name}"]
+    if step is Step.RUN and state.mode is Mode.SEMI_AUTOMATIC and not state.has_joystick:
+        return Refusal.NEEDS_JOYSTICK
+    return None
+
+
+def start(state: JobState, step: Step) -> JobState:
+    """Begin a step that `refusal` allows."""
+    return replace(state, active=step, done=state.done - _TAKES_BACK[step])
+
+
+def finish(state: JobState) -> JobState:
+    """The active step has succeeded."""
+    if state.active is None:
+        return state
+    return replace(state, active=None, done=state.done | {state.active})
+
+
+def abandon(state: JobState) -> JobState:
+    """The active step failed, was cancelled or was stopped in a controlled way."""
+    return replace(state, active=None)
+
+
+def stop(state: JobState) -> JobState:
+    """A stop is latched: whatever was going on has ended."""
+    return replace(state, active=None, stopped=True)
+
+
+def reset(state: JobState) -> JobState:
+    """The gate has accepted a reset."""
+    return replace(state, stopped=False)
+
+
+def choose_mode(state: JobState, mode: Mode) -> JobState:
+    """Change the mode at rest; a step under way keeps its mode."""
+    return state if state.active is not None else replace(state, mode=mode)
