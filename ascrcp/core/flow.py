@@ -6,6 +6,7 @@ axis point nearest the base origin, y left, z up in the section plane). Metres a
 
 from dataclasses import dataclass, field
 from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,8 @@ class _Frozen:
     MAY_BE_NAN lists arrays in which NaN means "not seen".
     """
 
-    SHAPES: dict[str, tuple[int | str, ...]] = {}
-    MAY_BE_NAN: frozenset[str] = frozenset()
+    SHAPES: ClassVar[dict[str, tuple[int | str, ...]]] = {}
+    MAY_BE_NAN: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
@@ -61,8 +62,8 @@ class Scan(_Frozen):
     q: Array
     complete: bool = True
 
-    SHAPES = {"ranges": ("lines", "beams"), "beam": ("beams",), "pan": ("lines",), "q": ("joints",)}
-    MAY_BE_NAN = frozenset({"ranges"})
+    SHAPES: ClassVar = {"ranges": ("lines", "beams"), "beam": ("beams",), "pan": ("lines",), "q": ("joints",)}
+    MAY_BE_NAN: ClassVar = frozenset({"ranges"})
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class Cloud(_Frozen):
     points: NDArray[np.float32]
     source: str = ""
 
-    SHAPES = {"points": ("n", 3)}
+    SHAPES: ClassVar = {"points": ("n", 3)}
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class Axis(_Frozen):
     position_sigma: float = 0.0
     evidence: tuple[str, ...] = ()
 
-    SHAPES = {"point": (3,), "direction": (3,)}
+    SHAPES: ClassVar = {"point": (3,), "direction": (3,)}
 
     @property
     def T_base_tunnel(self) -> Array:
@@ -187,7 +188,7 @@ class Surface(_Frozen):
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
 
-    SHAPES = {
+    SHAPES: ClassVar = {
         "station": ("ns",),
         "along": ("na",),
         "offset": ("ns", "na"),
@@ -195,7 +196,7 @@ class Surface(_Frozen):
         "points": ("n", 3),
         "labels": ("n",),
     }
-    MAY_BE_NAN = frozenset({"offset"})
+    MAY_BE_NAN: ClassVar = frozenset({"offset"})
 
 
 @dataclass(frozen=True)
@@ -226,7 +227,7 @@ class SprayPath(_Frozen):
     overbreak: NDArray[np.bool_]
     R_base_tunnel: Array = field(default_factory=lambda: np.eye(3))
 
-    SHAPES = {
+    SHAPES: ClassVar = {
         "position": ("n", 3),
         "theta2": ("n",),
         "theta3": ("n",),
@@ -269,7 +270,7 @@ class JointSequence(_Frozen):
     point: NDArray[np.int64]
     spraying: NDArray[np.bool_]
 
-    SHAPES = {
+    SHAPES: ClassVar = {
         "t": ("m",),
         "q": ("m", "joints"),
         "position": ("m", 3),
@@ -287,5 +288,3 @@ class JointSequence(_Frozen):
     def duration(self) -> float:
         """Time of the last row [s]."""
         return float(self.t[-1])
-
-
