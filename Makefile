@@ -1,0 +1,31 @@
+# Two commands: "make run" (the whole automatic job on the simulated rig) and "make test" (all that CI checks).
+# ARGS goes to the program: make run ARGS="--seed 7", make test ARGS="tests/kinematics -k inverse".
+
+BIN = .venv/bin
+
+.PHONY: run test setup lint format lock
+
+run: setup
+	$(BIN)/ascrcp $(ARGS)
+
+test: lint
+	$(BIN)/python -m pytest $(ARGS)
+
+# Idempotent; a second call only compares a stamp.
+setup:
+	@scripts/setup.sh
+
+lint: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/mypy
+
+# Put right what the formatter and the linter can put right by themselves.
+format: setup
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+
+# After a change of dependencies in pyproject.toml; commit uv.lock with it.
+lock: setup
+	.tools/bin/uv lock
