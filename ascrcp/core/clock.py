@@ -27,9 +27,11 @@ class RealClock:
     """The processor's monotonic clock."""
 
     def now_ns(self) -> int:
+        """Return the present instant [ns]."""
         return time.monotonic_ns()
 
     def sleep_until(self, deadline_ns: int) -> None:
+        """Return at or after the deadline [ns], without holding the interpreter's lock."""
         # time.sleep uses clock_nanosleep(CLOCK_MONOTONIC) since Python 3.11 and holds no lock
         while (left := deadline_ns - time.monotonic_ns()) > 0:
             time.sleep(left / NS)
@@ -42,7 +44,9 @@ class VirtualClock:
         self._now_ns = start_ns
 
     def now_ns(self) -> int:
+        """Return the present virtual instant [ns]."""
         return self._now_ns
 
     def sleep_until(self, deadline_ns: int) -> None:
+        """Advance the virtual time to the deadline [ns]."""
         self._now_ns = max(self._now_ns, deadline_ns)

@@ -2,7 +2,7 @@
 
 import re
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import msgspec
 import yaml
@@ -15,8 +15,18 @@ MAX_DEPTH = 20
 S = TypeVar("S")
 
 
-class Struct(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Base of every configuration struct: immutable, unknown keys refused."""
+if TYPE_CHECKING:
+    from typing_extensions import dataclass_transform
+
+    # type checkers do not inherit msgspec's frozen and kw_only from a base class: say it again
+    @dataclass_transform(frozen_default=True, kw_only_default=True)
+    class Struct:
+        """Base of every configuration struct: immutable, unknown keys refused."""
+
+else:
+
+    class Struct(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+        """Base of every configuration struct: immutable, unknown keys refused."""
 
 
 class _StrictLoader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
@@ -63,7 +73,7 @@ def read_yaml(path: Path) -> Any:
             raise ConfigError(f"{path}: larger than {MAX_BYTES} bytes")
         text = path.read_text(encoding="utf-8")
         _check_events(text)
-        return yaml.load(text, Loader=_StrictLoader)
+        return yaml.load(text, Loader=_StrictLoader)  # noqa: S506 - a SafeLoader made stricter
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror or error}") from None
     except UnicodeDecodeError as error:
@@ -82,7 +92,7 @@ def _check_events(text: str) -> None:
     """Refuse aliases and deep nesting before anything is built (alias bombs, stack overflow)."""
     depth = 0
     for event in yaml.parse(text, Loader=_StrictLoader):
-        line = event.start_mark.line + 1
+        line = event.start_mark.line + 1 if event.start_mark else 0
         if isinstance(event, yaml.events.AliasEvent):
             raise ConfigError(f"line {line}: aliases are not allowed")
         if isinstance(event, yaml.events.CollectionStartEvent):

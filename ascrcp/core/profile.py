@@ -47,25 +47,26 @@ class Profile(Struct):
     spray_depth: float = 3.0
 
     def __post_init__(self) -> None:
+        where = f"profile {self.name}"
         if not self.arcs:
-            raise ConfigError(f"profile {self.name}: arcs must hold at least one arc")
+            raise ConfigError(f"{where}: arcs must hold at least one arc")
         for i, arc in enumerate(self.arcs):
             if not 0.5 <= arc.radius <= 50.0:
-                raise ConfigError(f"profile {self.name}: arc {i} radius {arc.radius} m, allowed 0.5..50")
+                raise ConfigError(f"{where}: arc {i} radius {arc.radius} m, allowed 0.5..50")
             if not 0.0 < arc.end_deg - arc.start_deg <= 360.0:
-                raise ConfigError(f"profile {self.name}: arc {i} must run 0..360 deg with rising angle")
+                raise ConfigError(f"{where}: arc {i} must run 0..360 deg with rising angle")
         for i in range(len(self.arcs) - 1):
             gap = float(np.hypot(*(self._end(i, 1) - self._end(i + 1, 0))))
             if gap > 0.02:
                 raise ConfigError(
-                    f"profile {self.name}: arc {i + 1} starts {gap:.3f} m from the end of arc {i}, allowed 0.02"
+                    f"{where}: arc {i + 1} starts {gap:.3f} m from the end of arc {i}, allowed 0.02"
                 )
         if not self.arch_line < self.overbreak_line:
             raise ConfigError(
-                f"profile {self.name}: arch_line {self.arch_line} must lie inside overbreak_line {self.overbreak_line}"
+                f"{where}: arch_line {self.arch_line} must lie inside overbreak_line {self.overbreak_line}"
             )
         if not 0.05 <= self.arch_width <= 1.0 or not 0.5 <= self.spray_depth <= 20.0:
-            raise ConfigError(f"profile {self.name}: arch_width 0.05..1 m, spray_depth 0.5..20 m")
+            raise ConfigError(f"{where}: arch_width 0.05..1 m, spray_depth 0.5..20 m")
 
     def _end(self, index: int, which: int) -> Array:
         arc = self.arcs[index]

@@ -57,7 +57,7 @@ def test_refuses_with_one_line(tmp_path: Path, text: str | bytes, says: str) -> 
 
 
 def test_missing_file_names_it(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="absent.yaml"):
+    with pytest.raises(ConfigError, match=r"absent\.yaml"):
         load(tmp_path / "absent.yaml", Sample)
 
 
