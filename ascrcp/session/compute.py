@@ -1,0 +1,176 @@
+"""The compute process: heavy stages run beside the application, never inside it.
+
+Open3D, SciPy and large parses hold the interpreter's lock for seconds; in the application's process
+they made the control loop miss its deadlines (faults, trap 1). A spawned process does the
+work, arrays travel through shared memory, and only the small rest is pickled.
+"""
+
+import multiprocessing as mp
+import pickle
+import threading
+import traceback
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any
+
+import numpy as np
+
+from ascrcp.core.errors import AscrcpError, CancelledError, DeviceError
+
+Progress = Callable[[float], None]
+"""Called with the fraction done, 0..1; raises CancelledError when the job is to end."""
+
+_CANCEL_PATIENCE_S = 2.0  # a stage that does not ask for so long is killed instead
+
+
+class Compute:
+    """One spawned process that runs stage functions, one at a time."""
+
+    def __init__(self) -> None:
+        self._context = mp.get_context("spawn")
+        self._lock = threading.Lock()
+        self._process: Any = None
+        self._pipe: Connection | None = None
+        self._cancel: Any = None
+
+    def start(self) -> None:
+        """Spawn the process ahead of its first use, so that its imports do not delay a stage."""
+        with self._lock:
+            self._ensure()
+
+    def _ensure(self) -> None:
+        if self._process is not None and self._process.is_alive():
+            return
+        ours, theirs = self._context.Pipe()
+        self._cancel = self._context.Event()
+        self._process = self._context.Process(
+            target=_serve, args=(theirs, self._cancel), name="ascrcp-compute", daemon=True
+        )
+        self._process.start()
+        theirs.close()
+        self._pipe = ours
+
+    def run(
+        self,
+        function: Callable[..., Any],
+        *args: Any,
+        progress: Progress | None = None,
+        is_cancelled: Callable[[], bool] = lambda: False,
+    ) -> Any:
+        """Run `function(*args, progress=...)` in the compute process and return its result.
+
+        Args:
+            function: A module-level function that takes a keyword `progress`.
+            args: Picklable arguments; arrays go through shared memory.
+            progress: Called here with the fraction done.
+            is_cancelled: Asked several times a second.
+
+        Raises:
+            CancelledError: If `is_cancelled` said so.
+            DeviceError: If the process died.
+            AscrcpError: Whatever the function raised on purpose; other errors keep their traceback as text.
+        """
+        with self._lock:
+            self._ensure()
+            assert self._pipe is not None
+            self._cancel.clear()
+            try:
+                _send(self._pipe, ("run", function, args))
+                return self._wait(progress, is_cancelled)
+            except (EOFError, BrokenPipeError, ConnectionResetError):
+                self._kill()
+                raise DeviceError(
+                    f"the compute process died while running {function.__name__}; it is started again on the next use"
+                ) from None
+
+    def _wait(self, progress: Progress | None, is_cancelled: Callable[[], bool]) -> Any:
+        assert self._pipe is not None
+        waited = 0.0
+        while True:
+            if is_cancelled():
+                self._cancel.set()
+                waited += 0.05
+                if waited > _CANCEL_PATIENCE_S:
+                    self._kill()
+                    raise CancelledError("cancelled")
+            if not self._pipe.poll(0.05):
+                continue
+            kind, value = _receive(self._pipe)
+            if kind == "progress":
+                if progress is not None:
+                    progress(value)
+            elif kind == "result":
+                return value
+            else:
+                raise value
+
+    def _kill(self) -> None:
+        if self._process is not None:
+            self._process.kill()
+            self._process.join()
+        if self._pipe is not None:
+            self._pipe.close()
+        self._process = self._pipe = None
+
+    def close(self) -> None:
+        """End the process."""
+        with self._lock:
+            self._kill()
+
+
+def _send(pipe: Connection, message: Any) -> None:
+    """Pickle small things into the pipe, arrays out of band into one shared block."""
+    buffers: list[pickle.PickleBuffer] = []
+    head = pickle.dumps(message, protocol=5, buffer_callback=buffers.append)
+    raws = [buffer.raw() for buffer in buffers]
+    sizes = [raw.nbytes for raw in raws]
+    total = sum(sizes)
+    block = SharedMemory(create=True, size=total) if total else None
+    if block is not None:
+        place = np.frombuffer(block.buf, np.uint8, total)
+        at = 0
+        for raw, size in zip(raws, sizes, strict=True):
+            place[at : at + size] = np.frombuffer(raw, np.uint8)  # numpy frees the lock while it copies
+            at += size
+        del place
+    pipe.send((head, sizes, block.name if block is not None else None))
+    if block is not None:
+        block.close()
+
+
+def _receive(pipe: Connection) -> Any:
+    head, sizes, name = pipe.recv()
+    if name is None:
+        return pickle.loads(head)  # noqa: S301 - our own child process
+    block = SharedMemory(name=name)
+    data = np.empty(sum(sizes), np.uint8)
+    data[:] = np.frombuffer(block.buf, np.uint8, len(data))
+    block.close()
+    block.unlink()
+    edges = np.concatenate([[0], np.cumsum(sizes)])
+    views = [memoryview(data[a:b]).toreadonly() for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return pickle.loads(head, buffers=views)  # noqa: S301 - our own child process
+
+
+def _serve(pipe: Connection, cancel: Any) -> None:
+    """Loop of the compute process."""
+
+    def progress(fraction: float) -> None:
+        if cancel.is_set():
+            raise CancelledError("cancelled")
+        _send(pipe, ("progress", float(fraction)))
+
+    while True:
+        try:
+            _, function, args = _receive(pipe)
+        except (EOFError, KeyboardInterrupt):
+            return
+        try:
+            answer = ("result", function(*args, progress=progress))
+        except AscrcpError as error:
+            answer = ("error", error)
+        except Exception as error:  # noqa: BLE001 - carried to the caller with its traceback, not swallowed
+            text = "".join(traceback.format_exception(error))
+            answer = ("error", RuntimeError(f"{function.__name__} failed in the compute process:\n{text}"))
+        _send(pipe, answer)

@@ -1,0 +1,136 @@
+"""One control cycle: read the machine, follow the target, pass the gate, write the machine.
+
+The body of the 20 ms control thread. It never waits and never writes to disk; orders from other
+threads are applied at the beginning of a cycle, in their order, so that a run can be replayed.
+"""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from ascrcp.control.tracker import Tracker, TrackerOutput
+from ascrcp.core.event import Reaction
+from ascrcp.core.flow import JointSequence
+from ascrcp.core.geometry import Array
+from ascrcp.core.machine_io import Command, MachineInputs
+from ascrcp.safety.gate import Gate, Verdict
+
+
+class Link(Protocol):
+    """The machine as the cycle sees it: devices.MachineLink on any bus."""
+
+    def receive(self, now_ns: int) -> MachineInputs:
+        """Drain the bus and return the newest view."""
+        ...
+
+    def send(self, command: Command) -> None:
+        """Put one command on the wire."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class CycleOutput:
+    """Everything one cycle saw and did.
+
+    Attributes:
+        t_ns: Instant of the cycle.
+        inputs: What the machine said.
+        track: What the tracker wanted.
+        verdict: What the gate let through.
+        tip: Measured nozzle pose (4, 4), None while a joint is unknown.
+        truth: The rig's true nozzle pose (4, 4), None on a machine. Recorded, never used to control.
+    """
+
+    t_ns: int
+    inputs: MachineInputs
+    track: TrackerOutput
+    verdict: Verdict
+    tip: Array | None
+    truth: Array | None
+
+
+class Cycle:
+    """The parts of one cycle, put together."""
+
+    def __init__(
+        self,
+        link: Link,
+        tracker: Tracker,
+        gate: Gate,
+        tip: Callable[[tuple[float, ...]], Array],
+        truth: Callable[[], Array] | None = None,
+    ) -> None:
+        self._link = link
+        self._tracker = tracker
+        self._gate = gate
+        self._tip = tip
+        self._truth = truth
+        self._orders: deque[tuple[str, Any]] = deque()
+        self._pan_target: float | None = None
+        self._stop_pressed = False
+        self._was_reaction = Reaction.PROTECT
+
+    def follow(self, sequence: JointSequence, from_s: float = 0.0) -> None:
+        """Order: follow a sequence from one of its instants."""
+        self._orders.append(("follow", (sequence, from_s)))
+
+    def hold(self) -> None:
+        """Order: stay where the arm is."""
+        self._orders.append(("hold", None))
+
+    def press_stop(self) -> None:
+        """Order: protective stop, latched until `press_reset`."""
+        self._orders.append(("stop", None))
+
+    def press_reset(self) -> None:
+        """Order: one rising edge of reset."""
+        self._orders.append(("reset", None))
+
+    def point_pan(self, angle: float | None) -> None:
+        """Order: pan head set-point [rad]."""
+        self._orders.append(("pan", angle))
+
+    def step(self, now_ns: int, late: bool = False) -> CycleOutput:
+        """Run one cycle.
+
+        Args:
+            now_ns: Instant of the cycle's deadline.
+            late: Whether it began more than the allowed time after it (fault F28).
+        """
+        reset = self._apply_orders()
+        inputs = self._link.receive(now_ns)
+        track = self._tracker.update(inputs)
+        request = replace(track.command, pan_target=self._pan_target)
+        verdict = self._gate.check(inputs, request, reset=reset, stop=self._stop_pressed, late=late)
+        self._stop_pressed = False
+        self._link.send(verdict.command)
+        if verdict.reaction >= Reaction.STOP and self._was_reaction < Reaction.STOP:
+            self._tracker.hold()
+        self._was_reaction = verdict.reaction
+        tip = self._tip(inputs.q) if all(map(math.isfinite, inputs.q)) else None
+        truth = self._truth() if self._truth is not None else None
+        return CycleOutput(now_ns, inputs, track, verdict, tip, truth)
+
+    def _apply_orders(self) -> bool:
+        reset = False
+        while self._orders:
+            kind, value = self._orders.popleft()
+            if kind == "follow":
+                self._tracker.follow(*value)
+            elif kind == "hold":
+                self._tracker.hold()
+            elif kind == "stop":
+                self._stop_pressed = True
+                self._tracker.hold()
+            elif kind == "reset":
+                reset = True
+            else:
+                self._pan_target = value
+        return reset
+
+    @property
+    def has_orders(self) -> bool:
+        """Whether an order waits for the next cycle."""
+        return bool(self._orders)

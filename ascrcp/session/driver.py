@@ -1,0 +1,168 @@
+"""Who turns the cycles: the control thread, in real time or in lockstep with the rig.
+
+Real time: absolute deadlines every 20 ms on a thread of its own, lateness always measured.
+Lockstep: rig and control advance together as fast as the processor allows, and time stands still
+while nothing moves; the sequence of cycles, and so every command, depends on the seed alone.
+"""
+
+import contextlib
+import gc
+import os
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from ascrcp.core.clock import CYCLE_NS, NS, Clock, RealClock, VirtualClock
+from ascrcp.session.cycle import Cycle, CycleOutput
+from ascrcp.session.snapshot import Lateness
+
+LATE_NS = CYCLE_NS * 3 // 2  # fault F28: more than 1.5 cycles is late
+PRIORITY = 50  # SCHED_FIFO, above ordinary work and below the kernel's interrupt threads (placeholder)
+GRACE_CYCLES = 10  # lockstep: cycles that run after an order, so that a reset or stop is answered
+WINDOW = 1 << 16  # lateness samples kept: 22 minutes
+
+
+class Plant(Protocol):
+    """The rig on the other end of the wires."""
+
+    def step(self, now_ns: int) -> None:
+        """Advance the rig by one cycle."""
+        ...
+
+
+Listener = Callable[[CycleOutput], bool]
+"""Called after every cycle; returns whether something still goes on (lockstep keeps turning)."""
+
+
+class LatenessMeter:
+    """Collects how late each cycle began; a fixed ring, no allocation."""
+
+    def __init__(self) -> None:
+        self._ring = np.zeros(WINDOW)
+        self._count = 0
+        self._missed = 0
+
+    def add(self, late_ns: int) -> None:
+        """Add one cycle's lateness [ns]; a whole period late counts as missed."""
+        self._ring[self._count % WINDOW] = late_ns * 1e-6
+        self._count += 1
+        self._missed += late_ns // CYCLE_NS
+
+    def lateness(self) -> Lateness:
+        """Return the percentiles so far [ms]."""
+        seen = self._ring[: min(self._count, WINDOW)]
+        if not len(seen):
+            return Lateness()
+        p50, p999 = np.percentile(seen, [50, 99.9])
+        return Lateness(float(p50), float(p999), float(seen.max()), self._missed)
+
+
+class RealTimeDriver:
+    """The 20 ms control thread on the processor's clock."""
+
+    realtime = True
+
+    def __init__(self, cycle: Cycle, listener: Listener, plant: Plant | None = None) -> None:
+        self._cycle = cycle
+        self._listener = listener
+        self._plant = plant
+        self.clock: Clock = RealClock()
+        self._stop = threading.Event()
+        self._threads = [threading.Thread(target=self._control, name="ascrcp-control", daemon=True)]
+        if plant is not None:
+            self._threads.append(threading.Thread(target=self._machine, name="ascrcp-rig", daemon=True))
+        self.meter = LatenessMeter()
+
+    def start(self) -> None:
+        """Start turning."""
+        gc.collect()
+        gc.freeze()  # a collection over a large heap would stop the loop for 0.2 s
+        for thread in reversed(self._threads):
+            thread.start()
+
+    def wake(self) -> None:
+        """Orders are read every cycle anyway."""
+
+    def _control(self) -> None:
+        _raise_priority()
+        clock, deadline = self.clock, self.clock.now_ns() + CYCLE_NS
+        while not self._stop.is_set():
+            clock.sleep_until(deadline)
+            late = clock.now_ns() - deadline
+            self.meter.add(late)
+            self._listener(self._cycle.step(deadline, late=late > LATE_NS))
+            deadline += CYCLE_NS
+            behind = clock.now_ns() - deadline
+            if behind > CYCLE_NS:  # missed whole cycles: count them, never run them in a burst
+                deadline += behind // CYCLE_NS * CYCLE_NS
+
+    def _machine(self) -> None:
+        assert self._plant is not None
+        clock, deadline = self.clock, self.clock.now_ns() + CYCLE_NS // 2
+        while not self._stop.is_set():
+            clock.sleep_until(deadline)
+            self._plant.step(deadline)
+            deadline = max(deadline + CYCLE_NS, clock.now_ns())
+
+    def close(self) -> None:
+        """Stop the threads; the machine's own watchdog makes it neutral."""
+        self._stop.set()
+        for thread in self._threads:
+            thread.join()
+
+
+class LockstepDriver:
+    """Rig and control in one thread on a virtual clock."""
+
+    realtime = False
+
+    def __init__(self, cycle: Cycle, listener: Listener, plant: Plant) -> None:
+        self._cycle = cycle
+        self._listener = listener
+        self._plant = plant
+        self.clock = VirtualClock()
+        self._wake = threading.Event()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._turn, name="ascrcp-control", daemon=True)
+        self.meter = LatenessMeter()
+
+    def start(self) -> None:
+        """Start turning; the first cycles let every sensor be heard."""
+        self._wake.set()
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Tell the thread that an order waits."""
+        self._wake.set()
+
+    def _turn(self) -> None:
+        while not self._stop.is_set():
+            self._wake.wait()
+            self._wake.clear()
+            grace = GRACE_CYCLES
+            while grace > 0 and not self._stop.is_set():
+                if self._cycle.has_orders:
+                    grace = GRACE_CYCLES
+                self.clock.sleep_until(self.clock.now_ns() + CYCLE_NS)
+                now = self.clock.now_ns()
+                self._plant.step(now)
+                going = self._listener(self._cycle.step(now))
+                grace = GRACE_CYCLES if going else grace - 1
+
+    def close(self) -> None:
+        """Stop the thread."""
+        self._stop.set()
+        self._wake.set()
+        self._thread.join()
+
+    @property
+    def seconds(self) -> float:
+        """Virtual time so far [s]."""
+        return self.clock.now_ns() / NS
+
+
+def _raise_priority() -> None:
+    with contextlib.suppress(PermissionError, AttributeError):  # ordinary users run without real-time priority
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

@@ -1,0 +1,121 @@
+"""Record the run: a thread with a queue writes MCAP and the journal; the control loop never touches a disk.
+
+Small chunks, each handed to the system when full, so that a killed process loses at most the last
+(faults, trap 8: MCAP's defaults lose everything).
+"""
+
+import logging
+import queue
+import threading
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import msgspec
+from mcap.writer import CompressionType, Writer
+
+from ascrcp.session.journal import Entry, Journal
+
+CHUNK_BYTES = 16 * 1024  # faults, trap 8
+
+_log = logging.getLogger(__name__)
+
+_NUMBERS = {"type": "array", "items": {"type": "number"}}
+_SCHEMAS: dict[str, dict[str, Any]] = {
+    "/joints": {"q": _NUMBERS, "q_ref": _NUMBERS, "drive": _NUMBERS, "reaction": {"type": "integer"}},
+    "/nozzle": {
+        "measured": _NUMBERS,
+        "reference": _NUMBERS,
+        "truth": _NUMBERS,
+        "point": {"type": "integer"},
+        "spraying": {"type": "boolean"},
+    },
+    "/event": {"kind": {"type": "string"}, "code": {"type": "string"}, "detail": {"type": "string"}},
+}
+CAN_TOPIC = "/can"
+"""One message a cycle: see `encode_frames`."""
+
+
+class Message(NamedTuple):
+    """One record on its way to the file: topic, instant [ns], content."""
+
+    topic: str
+    t_ns: int
+    content: Any
+
+
+def encode_frames(received: list[tuple[int, bytes]], sent: list[tuple[int, bytes]]) -> bytes:
+    """Pack one cycle's CAN frames: count received, then per frame id (2), length (1), data; then sent."""
+    parts = [len(received).to_bytes(2, "little")]
+    for number, data in (*received, *sent):
+        parts += (number.to_bytes(4, "little"), len(data).to_bytes(1, "little"), data)
+    return b"".join(parts)
+
+
+def decode_frames(blob: bytes) -> tuple[list[tuple[int, bytes]], list[tuple[int, bytes]]]:
+    """Unpack what `encode_frames` packed: (received, sent)."""
+    count = int.from_bytes(blob[:2], "little")
+    frames, at = [], 2
+    while at < len(blob):
+        size = blob[at + 4]
+        frames.append((int.from_bytes(blob[at : at + 4], "little"), blob[at + 5 : at + 5 + size]))
+        at += 5 + size
+    return frames[:count], frames[count:]
+
+
+class Recorder:
+    """Queue and thread that write `run.mcap` and `events.sqlite` into a round folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self._queue: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._journal = Journal(folder / "events.sqlite")
+        self._file = (folder / "run.mcap").open("wb", buffering=0)
+        self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
+        self._writer.start(profile="", library="ascrcp")
+        self._channels = {topic: self._register(topic, schema) for topic, schema in _SCHEMAS.items()}
+        self._channels[CAN_TOPIC] = self._writer.register_channel(CAN_TOPIC, "x-ascrcp-can", 0)
+        self._thread = threading.Thread(target=self._work, name="ascrcp-recorder", daemon=True)
+        self.failed: str | None = None
+        self._thread.start()
+
+    def _register(self, topic: str, properties: dict[str, Any]) -> int:
+        schema = {"type": "object", "properties": properties}
+        number = self._writer.register_schema(f"ascrcp{topic}", "jsonschema", msgspec.json.encode(schema))
+        return self._writer.register_channel(topic, "json", number)
+
+    def put(self, topic: str, t_ns: int, content: Any) -> None:
+        """Queue one record; returns at once."""
+        self._queue.put(Message(topic, t_ns, content))
+
+    def put_event(self, t_ns: int, kind: str, code: str, detail: str = "") -> None:
+        """Queue one event for the journal and the log."""
+        self._queue.put(Message("/event", t_ns, {"kind": kind, "code": code, "detail": detail}))
+
+    def _work(self) -> None:
+        while (message := self._queue.get()) is not None:
+            if self.failed is not None:
+                continue  # keep draining: a full disk must not fill the memory nor stop the motion (fault F38)
+            try:
+                self._write(message)
+            except Exception as error:  # noqa: BLE001 - shown to the operator by the session
+                self.failed = f"run log: {error}"
+                _log.error("%s", self.failed)
+
+    def _write(self, message: Message) -> None:
+        topic, t_ns, content = message
+        if topic == "/event":
+            self._journal.append(Entry(t_ns / 1e9, content["kind"], content["code"], content["detail"]))
+        data = content if isinstance(content, bytes) else msgspec.json.encode(content)
+        self._writer.add_message(self._channels[topic], t_ns, data, t_ns)
+
+    def close(self) -> None:
+        """Write what is queued and finish the file."""
+        if not self._thread.is_alive():
+            return
+        self._queue.put(None)
+        self._thread.join()
+        try:
+            self._writer.finish()
+        except OSError as error:
+            self.failed = f"run log: {error}"
+        self._file.close()
+        self._journal.close()
