@@ -1,0 +1,1 @@
+"""Devices at the other end of a wire: CAN bus and codec, lidar, pan head, joystick."""
