@@ -80,7 +80,7 @@ install_uv() {
     for pip in "$1 -m pip" pip3 pip; do
         $pip --version >/dev/null 2>&1 || continue
         say "uv $UV_VERSION"
-        rm -rf "$TOOLS/bin" "$TOOLS/uv"*
+        rm -rf "${TOOLS:?}"/bin "$TOOLS"/uv*
         if PIP_USER=0 PIP_NO_INPUT=1 $pip install --quiet --disable-pip-version-check --no-deps --upgrade \
             --target "$TOOLS" "uv==$UV_VERSION" && [ -x "$UV" ]; then
             return 0
