@@ -40,6 +40,7 @@ class CycleOutput:
         track: What the tracker wanted.
         verdict: What the gate let through.
         tip: Measured nozzle pose (4, 4), None while a joint is unknown.
+        motion: How many follow orders have been taken so far: tells one motion from the next.
         truth: The rig's true nozzle pose (4, 4), None on a machine. Recorded, never used to control.
     """
 
@@ -48,6 +49,7 @@ class CycleOutput:
     track: TrackerOutput
     verdict: Verdict
     tip: Array | None
+    motion: int
     truth: Array | None
 
 
@@ -70,11 +72,14 @@ class Cycle:
         self._orders: deque[tuple[str, Any]] = deque()
         self._pan_target: float | None = None
         self._stop_pressed = False
+        self._motion = self._ordered = 0
         self._was_reaction = Reaction.PROTECT
 
-    def follow(self, sequence: JointSequence, from_s: float = 0.0) -> None:
-        """Order: follow a sequence from one of its instants."""
+    def follow(self, sequence: JointSequence, from_s: float = 0.0) -> int:
+        """Order: follow a sequence from one of its instants; return the motion's number."""
+        self._ordered += 1
         self._orders.append(("follow", (sequence, from_s)))
+        return self._ordered
 
     def hold(self) -> None:
         """Order: stay where the arm is."""
@@ -92,18 +97,20 @@ class Cycle:
         """Order: pan head set-point [rad]."""
         self._orders.append(("pan", angle))
 
-    def step(self, now_ns: int, late: bool = False) -> CycleOutput:
-        """Run one cycle.
-
-        Args:
-            now_ns: Instant of the cycle's deadline.
-            late: Whether it began more than the allowed time after it (fault F28).
-        """
-        reset = self._apply_orders()
+    def step(self, now_ns: int) -> CycleOutput:
+        """Run one cycle; `now_ns` is the instant it really began: the gate judges lateness by it."""
+        reset, start = self._apply_orders()
         inputs = self._link.receive(now_ns)
         track = self._tracker.update(inputs)
         request = replace(track.command, pan_target=self._pan_target)
-        verdict = self._gate.check(inputs, request, reset=reset, stop=self._stop_pressed, late=late)
+        verdict = self._gate.check(
+            inputs,
+            request,
+            reset=reset,
+            start=start,
+            stop=self._stop_pressed,
+            error_q=track.error_q if track.state == "follow" else None,
+        )
         self._stop_pressed = False
         self._link.send(verdict.command)
         if verdict.reaction >= Reaction.STOP and self._was_reaction < Reaction.STOP:
@@ -111,14 +118,16 @@ class Cycle:
         self._was_reaction = verdict.reaction
         tip = self._tip(inputs.q) if all(map(math.isfinite, inputs.q)) else None
         truth = self._truth() if self._truth is not None else None
-        return CycleOutput(now_ns, inputs, track, verdict, tip, truth)
+        return CycleOutput(now_ns, inputs, track, verdict, tip, self._motion, truth)
 
-    def _apply_orders(self) -> bool:
-        reset = False
+    def _apply_orders(self) -> tuple[bool, bool]:
+        reset = start = False
         while self._orders:
             kind, value = self._orders.popleft()
             if kind == "follow":
                 self._tracker.follow(*value)
+                self._motion += 1
+                start = True
             elif kind == "hold":
                 self._tracker.hold()
             elif kind == "stop":
@@ -128,7 +137,7 @@ class Cycle:
                 reset = True
             else:
                 self._pan_target = value
-        return reset
+        return reset, start
 
     @property
     def has_orders(self) -> bool:

@@ -18,7 +18,6 @@ from ascrcp.core.clock import CYCLE_NS, NS, Clock, RealClock, VirtualClock
 from ascrcp.session.cycle import Cycle, CycleOutput
 from ascrcp.session.snapshot import Lateness
 
-LATE_NS = CYCLE_NS * 3 // 2  # fault F28: more than 1.5 cycles is late
 PRIORITY = 50  # SCHED_FIFO, above ordinary work and below the kernel's interrupt threads (placeholder)
 GRACE_CYCLES = 10  # lockstep: cycles that run after an order, so that a reset or stop is answered
 WINDOW = 1 << 16  # lateness samples kept: 22 minutes
@@ -90,9 +89,9 @@ class RealTimeDriver:
         clock, deadline = self.clock, self.clock.now_ns() + CYCLE_NS
         while not self._stop.is_set():
             clock.sleep_until(deadline)
-            late = clock.now_ns() - deadline
-            self.meter.add(late)
-            self._listener(self._cycle.step(deadline, late=late > LATE_NS))
+            now = clock.now_ns()
+            self.meter.add(now - deadline)
+            self._listener(self._cycle.step(now))
             deadline += CYCLE_NS
             behind = clock.now_ns() - deadline
             if behind > CYCLE_NS:  # missed whole cycles: count them, never run them in a burst

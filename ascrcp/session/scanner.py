@@ -12,7 +12,7 @@ from ascrcp.core.clock import NS
 from ascrcp.core.errors import DeviceError
 from ascrcp.core.flow import Scan
 from ascrcp.core.machine_io import MachineInputs
-from ascrcp.devices.lidar import Lidar, LidarConfig
+from ascrcp.devices.lidar import Lidar, SweepConfig
 
 
 class _Pan(Protocol):
@@ -28,13 +28,13 @@ REST_RAD = 2e-3  # arm counts as moving when a joint changes by more than this b
 class Scanner:
     """State of one sweep; `on_cycle` is called after every control cycle until it is done."""
 
-    def __init__(self, lidar: Lidar, config: LidarConfig, pan: _Pan) -> None:
+    def __init__(self, lidar: Lidar, config: SweepConfig, pan: _Pan) -> None:
         self._lidar = lidar
         self._config = config
         self._pan = pan
-        self._start = np.radians(config.pan_start_deg)
-        self._end = np.radians(config.pan_end_deg)
-        self._speed = np.radians(config.pan_step_deg) * config.lines_per_s
+        self._start = np.radians(config.start_deg)
+        self._end = np.radians(config.stop_deg)
+        self._speed = np.radians(config.step_deg) * config.lines_per_s
         self._line_ns = round(NS / config.lines_per_s)
         self._lines: list[tuple[int, np.ndarray]] = []
         self._pans: list[tuple[int, float]] = []
@@ -48,7 +48,7 @@ class Scanner:
     @property
     def progress(self) -> float:
         """Fraction of the lines received."""
-        wanted = (self._end - self._start) / np.radians(self._config.pan_step_deg)
+        wanted = (self._end - self._start) / np.radians(self._config.step_deg)
         return min(1.0, len(self._lines) / wanted)
 
     def on_cycle(self, inputs: MachineInputs) -> None:
@@ -69,7 +69,7 @@ class Scanner:
                 self._q = inputs.q
             elif now - self._begun_ns > ARRIVE_NS:
                 raise DeviceError(
-                    f"pan head did not reach {self._config.pan_start_deg:g} deg in {ARRIVE_NS / NS:g} s"
+                    f"pan head did not reach {self._config.start_deg:g} deg in {ARRIVE_NS / NS:g} s"
                 )
             return
         self._sweep(now, inputs)

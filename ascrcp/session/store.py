@@ -64,13 +64,14 @@ def read_json(path: Path) -> Any:
         raise InputError(f"{path}: not JSON: {error}") from None
 
 
-def _write_archive(path: Path, kind: str, meta: Any, arrays: dict[str, Any]) -> None:
+def write_archive(path: Path, kind: str, meta: Any, arrays: dict[str, Any]) -> None:
+    """Write arrays with a small JSON head as a NumPy archive, whole or not at all."""
     head = msgspec.json.encode({"format": f"ascrcp-{kind}", "version": VERSION, "meta": meta})
     columns = {name: np.asarray(array) for name, array in arrays.items()}
     write_atomic(path, lambda file: np.savez(file, head=np.frombuffer(head, np.uint8), **columns))
 
 
-def _read_archive(path: Path, kind: str, names: tuple[str, ...]) -> tuple[Any, dict[str, Any]]:
+def read_archive(path: Path, kind: str, names: tuple[str, ...]) -> tuple[Any, dict[str, Any]]:
     """Read an archive of ours; the zip container's CRC-32 per member finds flipped bits."""
     try:
         with zipfile.ZipFile(path) as archive:
@@ -95,7 +96,7 @@ def _read_archive(path: Path, kind: str, names: tuple[str, ...]) -> tuple[Any, d
 def write_scan(path: Path, scan: Scan) -> None:
     """Keep a raw scan."""
     arrays = {name: getattr(scan, name) for name in ("ranges", "beam", "pan", "q")}
-    _write_archive(path, "scan", {"complete": scan.complete}, arrays)
+    write_archive(path, "scan", {"complete": scan.complete}, arrays)
 
 
 def read_scan(path: Path) -> Scan:
@@ -104,7 +105,7 @@ def read_scan(path: Path) -> Scan:
     Raises:
         InputError: Missing, cut, flipped or of another kind.
     """
-    meta, arrays = _read_archive(path, "scan", ("ranges", "beam", "pan", "q"))
+    meta, arrays = read_archive(path, "scan", ("ranges", "beam", "pan", "q"))
     return Scan(**arrays, complete=bool(meta["complete"]))
 
 
@@ -132,7 +133,7 @@ def write_surface(path: Path, surface: Surface) -> None:
         "overbreak": surface.overbreak,
         "bays": surface.bays,
     }
-    _write_archive(path, "surface", meta, {name: getattr(surface, name) for name in _SURFACE_ARRAYS})
+    write_archive(path, "surface", meta, {name: getattr(surface, name) for name in _SURFACE_ARRAYS})
 
 
 def read_surface(path: Path) -> Surface:
@@ -141,7 +142,7 @@ def read_surface(path: Path) -> Surface:
     Raises:
         InputError: Missing, cut, flipped or of another kind.
     """
-    tree, arrays = _read_archive(path, "surface", _SURFACE_ARRAYS)
+    tree, arrays = read_archive(path, "surface", _SURFACE_ARRAYS)
     try:
         meta = msgspec.convert(tree, _SurfaceMeta)
     except msgspec.ValidationError as error:

@@ -1,0 +1,83 @@
+"""The round's report: one HTML page with pictures and the error table of the run."""
+
+import base64
+from pathlib import Path
+from typing import Any
+
+import jinja2
+import numpy as np
+
+from ascrcp.core.paths import RESOURCES
+from ascrcp.planning.table import read_path
+from ascrcp.session import picture
+from ascrcp.session.evaluation import RULE_DEG, RULE_MM
+from ascrcp.session.round import Round
+from ascrcp.session.store import read_json, read_surface, write_atomic
+
+
+def build_report(folder: Path, progress: Any = None) -> Path:
+    """Build `report.html` and its pictures from what the round folder holds.
+
+    Stages that have not run yet are left out; the page says which.
+
+    Args:
+        folder: Round folder.
+        progress: Called with the fraction done.
+
+    Returns:
+        Path of the page.
+
+    Raises:
+        InputError: A file of the round is missing or broken, or the disk refuses.
+    """
+    tell = progress or (lambda fraction: None)
+    round_ = Round(folder)
+    surface = read_surface(round_.surface) if round_.surface.exists() else None
+    path = read_path(round_.path) if round_.path.exists() else None
+    trace = round_.read_trace() if round_.trace.exists() else None
+    pictures: dict[str, bytes] = {}
+    if surface is not None:
+        pictures["wall"] = picture.unrolled_wall(surface, path)
+        tell(0.3)
+        pictures["sections"] = picture.sections(surface)
+        tell(0.6)
+        pictures["cloud"] = picture.cloud_and_path(surface, path, trace)
+        tell(0.8)
+    if trace is not None:
+        pictures["error"] = picture.nozzle_error(trace)
+    for name, data in pictures.items():
+        target = round_.pictures / f"{name}.png"
+        write_atomic(target, lambda file, data=data: file.write(data))  # type: ignore[misc]
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(RESOURCES), autoescape=True, undefined=jinja2.StrictUndefined
+    )
+    html = environment.get_template("report.html").render(
+        manifest=round_.manifest(),
+        features=read_json(round_.features) if round_.features.exists() else None,
+        result=read_json(round_.result) if round_.result.exists() else None,
+        spray_points=len(path) if path is not None else None,
+        path_length=_length(path.position) if path is not None else None,
+        rule={"mm": RULE_MM, "deg": RULE_DEG},
+        pictures={name: base64.b64encode(data).decode() for name, data in pictures.items()},
+        joints=_joint_rows(round_),
+    )
+    write_atomic(round_.report, lambda file: file.write(html.encode()))
+    tell(1.0)
+    return round_.report
+
+
+def _length(points: np.ndarray) -> float:
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def _joint_rows(round_: Round) -> list[dict[str, Any]]:
+    """Joint errors of thesis table 5-10 in degrees and millimetres."""
+    if not round_.result.exists():
+        return []
+    result = read_json(round_.result)
+    rows = []
+    for joint, error in zip(result["joints"], result["joint_error"], strict=True):
+        scale, unit = (1e3, "mm") if joint["kind"] == "prismatic" else (180 / np.pi, "deg")
+        mean, most = (None if error[k] is None else error[k] * scale for k in ("mean", "max"))
+        rows.append({**joint, "unit": unit, "mean": mean, "max": most})
+    return rows

@@ -1,0 +1,115 @@
+"""The round folder: where everything recorded about one advance of the heading lies."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+
+from ascrcp.core.errors import InputError
+from ascrcp.session.evaluation import RunTrace
+from ascrcp.session.store import read_archive, write_archive, read_json, write_json
+
+
+class Round:
+    """Names of the files in one round folder.
+
+    Attributes:
+        folder: The folder itself.
+        scan: Raw lidar lines.
+        cloud: Labelled cloud, PLY.
+        surface: Recognised surface.
+        features: features.json (design.md section 9).
+        path: Planned nozzle path, CSV (thesis table 4-1).
+        joints: Joint sequence, CSV.
+        trace: Errors of the run, one row per cycle.
+        result: Summary of the run, JSON.
+        log: Run log, MCAP.
+        events: Event journal, SQLite.
+        report: The page.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.scan = folder / "scan.npz"
+        self.cloud = folder / "cloud.ply"
+        self.surface = folder / "surface.npz"
+        self.features = folder / "features.json"
+        self.path = folder / "path.csv"
+        self.joints = folder / "joints.csv"
+        self.trace = folder / "trace.npz"
+        self.result = folder / "result.json"
+        self.log = folder / "run.mcap"
+        self.events = folder / "events.sqlite"
+        self.report = folder / "report.html"
+        self._manifest = folder / "round.json"
+
+    @property
+    def pictures(self) -> Path:
+        """Folder of the pictures, made when first asked for."""
+        place = self.folder / "pictures"
+        place.mkdir(exist_ok=True)
+        return place
+
+    def manifest(self) -> dict[str, Any]:
+        """Return what the round was made with; empty if nothing was noted."""
+        return dict(read_json(self._manifest)) if self._manifest.exists() else {}
+
+    def note(self, **values: Any) -> None:
+        """Add to what the round was made with."""
+        write_json(self._manifest, {**self.manifest(), **values})
+
+    def forget(self, *names: str) -> None:
+        """Remove results that a new run of an earlier stage makes untrue."""
+        for name in names:
+            getattr(self, name).unlink(missing_ok=True)
+
+    def need(self, name: str, stage: str) -> Path:
+        """Return a file of the round, or say which stage makes it.
+
+        Raises:
+            InputError: If it is not there.
+        """
+        place: Path = getattr(self, name)
+        if not place.exists():
+            raise InputError(f"{place}: not there; run `ascrcp {stage}` on this round first")
+        return place
+
+    def write_trace(self, trace: RunTrace) -> None:
+        """Keep the errors of a run."""
+        arrays = {name: getattr(trace, name) for name in _TRACE_ARRAYS}
+        write_archive(self.trace, "trace", {"from_truth": trace.from_truth}, arrays)
+
+    def read_trace(self) -> RunTrace:
+        """Read the errors of a run back."""
+        meta, arrays = read_archive(self.trace, "trace", _TRACE_ARRAYS)
+        return RunTrace(**arrays, from_truth=bool(meta["from_truth"]))
+
+
+_TRACE_ARRAYS = ("t", "reference", "nozzle", "measured", "spraying", "point", "q_error")
+
+
+def open_round(folder: Path | None, base: Path) -> Round:
+    """Open a round folder, or make the next numbered one.
+
+    Args:
+        folder: The folder wanted, made if missing; None for a new one below `base`.
+        base: Folder of all rounds.
+
+    Raises:
+        InputError: The place cannot be made or is a file.
+    """
+    try:
+        if folder is None:
+            base.mkdir(parents=True, exist_ok=True)
+            taken: Sequence[int] = [
+                int(p.name.removeprefix("round-"))
+                for p in base.glob("round-*")
+                if p.name.removeprefix("round-").isdigit()
+            ]
+            folder = base / f"round-{max(taken, default=0) + 1:04d}"
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder or base}: cannot make the round folder: {error.strerror or error}") from None
+    return Round(folder)
+
+
