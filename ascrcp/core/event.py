@@ -30,6 +30,7 @@ class Event:
 
 
 _NEUTRAL = ("All joints stopped, spray off.", "全部关节停止，喷射关闭。")
+_KEPT = ("Motion stopped, spray off, place in the path kept.", "运动停止，喷射关闭，保留路径位置。")
 _RESET = ("Remove the cause, press reset, then start again.", "排除原因，按复位，再重新开始。")
 
 
@@ -71,7 +72,7 @@ _ROWS = (
         "F11",
         Reaction.STOP,
         ("A joint does not follow its target.", "关节未跟随目标。"),
-        ("Motion stopped, spray off, place in the path kept.", "运动停止，喷射关闭，保留路径位置。"),
+        _KEPT,
         ("Check the joint and its valve, then continue.", "检查该关节及其阀，然后继续。"),
     ),
     _protect(
@@ -91,7 +92,49 @@ _ROWS = (
         "The motion controller does not echo our state.",
         "运动控制器回传状态不一致。",
     ),
-    _protect("cycle_late", "F28", "The control cycle was late.", "控制周期超时。"),
+    Event(
+        "cycle_late",
+        "F28",
+        Reaction.STOP,
+        ("The control cycle was late.", "控制周期超时。"),
+        _KEPT,
+        ("Close other programs on this computer, then continue.", "关闭本机其他程序，然后继续。"),
+    ),
+    Event(
+        "cycle_slow",
+        "F28",
+        Reaction.LOG,
+        ("One control cycle was late.", "一个控制周期超时。"),
+        ("None.", "无。"),
+        ("None; it is counted.", "无；已计数。"),
+    ),
+    _protect("suspended", "F42", "The computer was asleep or stood still.", "计算机曾休眠或停顿。"),
+    Event(
+        "estop_stale",
+        "F20",
+        Reaction.ESTOP,
+        ("The state of the emergency stop is not received.", "未收到急停状态。"),
+        _NEUTRAL,
+        (
+            "Check the machine's CAN connection, press reset, then start again.",
+            "检查设备 CAN 连接，按复位，再重新开始。",
+        ),
+    ),
+    _protect(
+        "following_far",
+        "F11",
+        "A joint is far from its target.",
+        "关节严重偏离目标。",
+        ("Check the joint and its valve, press reset.", "检查该关节及其阀，按复位。"),
+    ),
+    Event(
+        "soft_limit",
+        "F12",
+        Reaction.WARN,
+        ("A joint is close to its limit.", "关节接近限位。"),
+        ("It is held back outward; it may move back in.", "向外运动受限；可向内运动。"),
+        ("Move the joint back in.", "将关节向内移动。"),
+    ),
     _protect("bus_error", "F30/F33", "The CAN bus failed or was unplugged.", "CAN 总线故障或断开。"),
 )
 

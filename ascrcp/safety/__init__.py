@@ -1,0 +1,1 @@
+"""The gate every command passes last: small, pure, no numpy, no input or output."""
