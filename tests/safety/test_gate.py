@@ -5,12 +5,12 @@ import math
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from safety_machine import CONFIG_SAFETY, JOINTS, LIMITS, MIDDLE, Bench, moving
 
 from ascrcp.core.clock import CYCLE_NS
 from ascrcp.core.event import EVENTS, Reaction
 from ascrcp.core.machine_io import NEVER_NS, Command
 from ascrcp.safety.gate import GateState
-from safety_machine import CONFIG_SAFETY, JOINTS, LIMITS, MIDDLE, Bench, moving
 
 NAN = math.nan
 
@@ -317,7 +317,7 @@ def test_g4_invariant_in_every_cycle_of_random_histories(history):
             if any(command.drive):
                 assert may_move or last != (0.0,) * JOINTS  # the last step of a controlled stop
                 assert command.enable and not hard and not verdict.latched
-                    assert not change or "q" in change  # one jumped value is held, not believed
+                assert not change or "q" in change  # one jumped value is held, not believed
                 for d, was, ramp in zip(command.drive, last, CONFIG_SAFETY.ramp, strict=True):
                     assert abs(d - was) <= ramp * (1 + 1e-6)
             if hard or verdict.latched:
