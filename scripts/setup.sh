@@ -96,7 +96,9 @@ sync() {
     if [ -s /etc/ssl/certs/ca-certificates.crt ]; then
         export UV_SYSTEM_CERTS=true
     fi
-    if ! .venv/bin/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then
+    # scripts in a .venv start with its path: one that was moved or copied here is made anew
+    if ! head -c 400 .venv/bin/ascrcp 2>/dev/null | grep -qF "$PWD/.venv/" ||
+        ! .venv/bin/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then
         "$UV" venv --quiet --no-project --clear --python "$1" .venv
     fi
     "$UV" sync --frozen --no-progress --quiet --python .venv/bin/python
