@@ -1,0 +1,192 @@
+"""Read a machine file: YAML -> ArmDescription, by translate/rotate steps or by D-H rows."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from ascrcp.core.config import Struct, load
+from ascrcp.core.errors import ConfigError
+from ascrcp.core.paths import CONFIG
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Positive = Annotated[float, Meta(gt=0.0)]
+NonNegative = Annotated[float, Meta(ge=0.0)]
+Vector = tuple[float, float, float]
+
+MACHINES = CONFIG / "machines"
+
+
+class DhRow(Struct):
+    """One row of a standard (distal) Denavit-Hartenberg table; the joint adds to theta or d."""
+
+    a: float = 0.0
+    alpha_deg: float = 0.0
+    d: float = 0.0
+    theta_deg: float = 0.0
+
+
+class Joint(Struct):
+    """What both kinds of joint share: its step of the chain and its weight.
+
+    Attributes:
+        name: English name.
+        name_zh: Chinese name.
+        translate: Fixed translation before the joint [m] (eq. 2-1).
+        axis: Axis of the previous frame the joint turns about or slides along.
+        dh: D-H row, in place of translate and axis.
+        limit_sum: Joint numbers whose sum the range limits, this joint last; empty: itself.
+        travel_weight: Cost of moving this joint; large near the base (thesis 2.2: "move the
+            small joints much, the large ones little").
+    """
+
+    name: str
+    name_zh: str
+    travel_weight: Positive
+    translate: Vector | None = None
+    axis: Axis | None = None
+    dh: DhRow | None = None
+    limit_sum: tuple[int, ...] = ()
+
+
+class Revolute(Joint, kw_only=True, tag_field="kind", tag="revolute"):
+    """A turning joint, in degrees at this edge."""
+
+    range_deg: tuple[float, float]
+    max_speed_deg_s: Positive
+    max_acceleration_deg_s2: Positive
+    max_jerk_deg_s3: Positive
+
+
+class Prismatic(Joint, kw_only=True, tag_field="kind", tag="prismatic"):
+    """A sliding joint, in metres."""
+
+    range_m: tuple[float, float]
+    max_speed_m_s: Positive
+    max_acceleration_m_s2: Positive
+    max_jerk_m_s3: Positive
+
+
+class Mount(Struct):
+    """A frame fixed to the end of a joint: translation [m], then turns about x, y, z [deg]."""
+
+    joint: Annotated[int, Meta(ge=1)]
+    translate: Vector = (0.0, 0.0, 0.0)
+    rotate_deg: Vector = (0.0, 0.0, 0.0)
+
+
+class SagModel(Struct):
+    """Static sag of the tip: `sag.py` states the law.
+
+    Attributes:
+        own_mm: Sag under the arm's own weight at the reference reach [mm].
+        load_mm_per_kg: Further sag there per kilogram of concrete in the hose [mm/kg].
+        reference_reach: Horizontal distance from the base origin where these hold [m].
+        exponent: Growth with reach; 3 for a cantilever loaded at its tip.
+        slope_ratio: Pitch of the tip times reach over sag; 1.5 for that cantilever.
+    """
+
+    own_mm: NonNegative
+    load_mm_per_kg: NonNegative
+    reference_reach: Positive
+    exponent: Annotated[float, Meta(ge=0.0, le=5.0)]
+    slope_ratio: Annotated[float, Meta(ge=0.0, le=3.0)]
+
+
+class PathModel(Struct):
+    """How a whole path is solved: `path.py` states the method.
+
+    Attributes:
+        roll_step_deg: Spacing of the candidates of the free roll theta1.
+        yaw_candidates: Number of candidates of joint 5 over its range.
+        telescope_candidates: Number of candidates of joint 6 over its range.
+        key_spacing: Distance along the path between points of the layered graph [m].
+        margin_fraction: Share of each joint's range kept free at both ends where possible.
+        limit_weight: Cost of entering that margin, against travel.
+        centre_weight: Cost of leaving the middle of the range, against travel.
+        curvature_weight: Cost of bends of the joints' course, against travel.
+        smooth_rounds: Largest number of smoothing rounds.
+        nozzle_speed: Speed along a pass the joint steps are judged by [m/s].
+        far: Neighbouring points farther apart than this are not sprayed through [m].
+        reroll_s: A step that takes longer than spraying it by this much is a break [s].
+    """
+
+    roll_step_deg: Annotated[float, Meta(ge=1.0, le=90.0)]
+    yaw_candidates: Annotated[int, Meta(ge=1, le=31)]
+    telescope_candidates: Annotated[int, Meta(ge=1, le=31)]
+    key_spacing: Positive
+    margin_fraction: Annotated[float, Meta(ge=0.0, le=0.4)]
+    limit_weight: NonNegative
+    centre_weight: NonNegative
+    curvature_weight: NonNegative
+    smooth_rounds: Annotated[int, Meta(ge=0, le=100)]
+    nozzle_speed: Positive
+    far: Positive
+    reroll_s: Positive
+
+
+class ArmDescription(Struct):
+    """One machine: its joints from base to tool, its tool and what is known about it."""
+
+    name: str
+    title: str
+    title_zh: str
+    source: str
+    joints: list[Revolute | Prismatic]
+    tool: Vector
+    lidar: Mount | None = None
+    zero_pose: list[float] | None = None
+    sag: SagModel | None = None
+    path: PathModel | None = None
+
+    def __post_init__(self) -> None:
+        if not self.joints:
+            raise ConfigError(f"machine {self.name}: joints must hold at least one joint")
+        for number, joint in enumerate(self.joints, start=1):
+            self._check_joint(number, joint)
+        if self.lidar is not None and self.lidar.joint > len(self.joints):
+            raise ConfigError(
+                f"machine {self.name}: lidar.joint {self.lidar.joint}, allowed 1..{len(self.joints)}"
+            )
+        if self.zero_pose is not None and len(self.zero_pose) != len(self.joints):
+            raise ConfigError(f"machine {self.name}: zero_pose must hold {len(self.joints)} values [deg, m]")
+
+    def _check_joint(self, number: int, joint: Revolute | Prismatic) -> None:
+        who = f"machine {self.name}: joint {number} {joint.name}"
+        steps = joint.translate is not None and joint.axis is not None
+        if steps == (joint.dh is not None) or (joint.dh and (joint.translate or joint.axis)):
+            raise ConfigError(f"{who}: give either translate and axis, or dh")
+        low, high = joint.range_deg if isinstance(joint, Revolute) else joint.range_m
+        if not low < high:
+            raise ConfigError(f"{who}: range {low}..{high} must rise")
+        if joint.limit_sum and (
+            joint.limit_sum[-1] != number or any(not 1 <= other < number for other in joint.limit_sum[:-1])
+        ):
+            raise ConfigError(f"{who}: limit_sum {joint.limit_sum} must name joints before it, then {number}")
+
+
+def list_machines() -> tuple[str, ...]:
+    """Return the names of the machines that come with the program."""
+    return tuple(sorted(path.stem for path in MACHINES.glob("*.yaml")))
+
+
+def find_machine(name_or_path: str | Path) -> Path:
+    """Find the file of a machine by its name, or take a path to a YAML file as it is.
+
+    Raises:
+        ConfigError: No machine of this name.
+    """
+    text = str(name_or_path)
+    if isinstance(name_or_path, Path) or text.endswith((".yaml", ".yml")) or "/" in text:
+        return Path(name_or_path)
+    known = list_machines()
+    if text not in known:
+        raise ConfigError(
+            f"no machine named {text!r}; known are {', '.join(known)}, or a path to a YAML file"
+        )
+    return MACHINES / f"{text}.yaml"
+
+
+def load_description(name_or_path: str | Path) -> ArmDescription:
+    """Read and check a machine file."""
+    return load(find_machine(name_or_path), ArmDescription)
