@@ -1,0 +1,1 @@
+"""The rig at the other end of the wires: hydraulics, tunnel, lidar, CAN nodes."""

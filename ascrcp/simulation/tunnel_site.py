@@ -1,0 +1,77 @@
+"""What else stands and falls in the simulated tunnel: floor, muck, face, people, vehicles, drips."""
+
+import numpy as np
+
+from ascrcp.core.geometry import Array, apply_transform
+from ascrcp.core.profile import Profile
+from ascrcp.simulation.tunnel import AirConfig, BodyConfig, TunnelConfig, draw
+from ascrcp.simulation.tunnel_mesh import Mesh, box, cylinder, grid, rough
+
+FLOOR_STEP = 0.15  # triangles of the floor [m]
+FACE_STEP = 0.08  # triangles of the face [m]
+BEYOND = 0.8  # floor and face reach this far behind the wall, so that no gap shows [m]
+DRIP_REACH = 3.0  # drips fall from the unsprayed part to this far behind it [m]
+
+
+def build_floor(
+    config: TunnelConfig, rng: np.random.Generator, profile: Profile, part: tuple[float, float], floor: float
+) -> Mesh:
+    """Build the floor with the muck heap that rises toward the face, tunnel frame."""
+    (low, high), _ = _extent(profile)
+    s = np.arange(config.length.rear, part[1] + BEYOND, FLOOR_STEP)
+    S, Y = np.meshgrid(s, np.arange(low, high, FLOOR_STEP), indexing="ij")
+    heap = np.clip((S - part[1]) / config.floor.muck_length + 1.0, 0.0, 1.0) * config.floor.muck_height
+    Z = floor + heap + rough(rng, S, Y, config.floor.roughness)
+    return grid(np.stack([S, Y, Z], axis=-1))
+
+
+def build_face(
+    config: TunnelConfig, rng: np.random.Generator, profile: Profile, part: tuple[float, float]
+) -> list[Mesh]:
+    """Build the rock face at the end of the unsprayed part, tunnel frame; none if it is left open."""
+    if not config.face.present:
+        return []
+    (left, right), (bottom, top) = _extent(profile)
+    Y, Z = np.meshgrid(np.arange(left, right, FACE_STEP), np.arange(bottom, top, FACE_STEP), indexing="ij")
+    S = part[1] + rough(rng, Y, Z, config.face.roughness)
+    return [grid(np.stack([S, Y, Z], axis=-1))]
+
+
+def build_bodies(bodies: list[BodyConfig], rng: np.random.Generator, floor: float) -> list[Mesh]:
+    """Stand vehicles and people on the floor, tunnel frame."""
+    meshes = []
+    for body in bodies:
+        foot = np.array([draw(rng, body.station), draw(rng, body.left), floor])
+        if body.shape == "cylinder":
+            meshes.append(cylinder(foot, body.length / 2, body.height))
+        else:
+            half = np.array([body.length / 2, body.width / 2, 0.0])
+            meshes.append(box(foot - half, foot + half + [0.0, 0.0, body.height]))
+    return meshes
+
+
+def draw_drips(
+    air: AirConfig,
+    rng: np.random.Generator,
+    part: tuple[float, float],
+    floor: float,
+    profile: Profile,
+    T_base_tunnel: Array,
+) -> Array:
+    """Draw threads of water that fall from the wall to the floor.
+
+    Returns:
+        x, y, lowest z, highest z [m], base frame, shape (drips, 4).
+    """
+    s = rng.uniform(part[0] - DRIP_REACH, part[1], air.drips)
+    along = rng.uniform(0.3, 0.7, air.drips) * profile.length
+    top = np.column_stack([s, profile.point(along, profile.arch_line).reshape(-1, 2)])
+    top = apply_transform(T_base_tunnel, top)
+    depth = apply_transform(T_base_tunnel, np.column_stack([s, np.zeros_like(s), np.full_like(s, floor)]))
+    return np.column_stack([top[:, :2], depth[:, 2], top[:, 2]])
+
+
+def _extent(profile: Profile) -> tuple[tuple[float, float], tuple[float, float]]:
+    yz = profile.point(np.linspace(0.0, profile.length, 500))
+    low, high = yz.min(axis=0) - BEYOND, yz.max(axis=0) + BEYOND
+    return (float(low[0]), float(high[0])), (float(low[1]), float(high[1]))
