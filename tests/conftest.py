@@ -20,6 +20,8 @@ settings.register_profile("ci", deadline=None, derandomize=True)
 settings.register_profile("search", deadline=None, max_examples=2000)  # new examples on every run
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
+pytest_plugins = ["pytester"]
+
 ROOT = Path(__file__).resolve().parent.parent
 GRACE_S = 2.0  # what a thread that was told to stop may take on a busy machine
 
