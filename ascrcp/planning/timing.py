@@ -1,0 +1,198 @@
+"""Put times to the solved path: SprayPath + joints -> JointSequence."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
+
+from ascrcp.core.errors import InputError, UnreachableError
+from ascrcp.core.flow import JointSequence, SprayPath
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.planning.parameter import TimingParameters, check_parameters
+from ascrcp.planning.stroke import Stroke
+
+SUBDIVISION = 8  # nodes of the time law per pair of planned points: 20 mm at 0.2 m spacing
+CENTRIPETAL_SHARE = 0.5  # of a joint's acceleration for following the bend, the rest for changing speed
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Rows of a stroke or of a move, times from its own start; see JointSequence."""
+
+    t: Array
+    q: Array
+    position: Array
+    direction: Array
+    point: NDArray[np.int64]
+    spraying: NDArray[np.bool_]
+
+
+def time_sequence(
+    arm: Arm, path: SprayPath, q: ArrayLike, break_before: ArrayLike, parameters: TimingParameters
+) -> JointSequence:
+    """Travel the path at constant nozzle speed, slower where a joint's speed or acceleration asks for it.
+
+    Planned points are joined by spraying strokes as long as they are near and nothing breaks
+    them; strokes start and end at rest and are joined by jerk-limited joint moves without spray.
+    Points without a solution are skipped. Rows at planned points hold their joints and pose
+    exactly; on a stroke the pose is the path's, between strokes that of the joints.
+
+    Args:
+        arm: The arm, for its limits and forward model.
+        path: Planned poses, n points.
+        q: Joints of each point [rad, m], NaN rows where unsolved, shape (n, joints).
+        break_before: Points the arm does not reach without a joint move, shape (n,).
+        parameters: Speeds.
+
+    Returns:
+        Rows from the first solved point to the last.
+
+    Raises:
+        InputError: Shapes that do not belong together.
+        UnreachableError: No point has a solution.
+    """
+    parameters = check_parameters(parameters)
+    q = np.asarray(q, dtype=float)
+    breaks = np.asarray(break_before, dtype=bool)
+    if q.shape != (len(path), arm.n) or breaks.shape != (len(path),):
+        raise InputError(
+            f"a path of {len(path)} points needs joints of shape ({len(path)}, {arm.n}) and as many breaks, "
+            f"not {q.shape} and {breaks.shape}"
+        )
+    strokes = find_strokes(path, q, breaks, parameters.gap_m)
+    if not strokes:
+        raise UnreachableError(f"none of the {len(path)} planned points has a joint solution within limits")
+    parts: list[_Rows] = []
+    clock = 0.0
+    for number, stroke in enumerate(strokes):
+        if number > 0:
+            duration, move = _move(arm, q[strokes[number - 1][-1]], q[stroke[0]], parameters)
+            parts.append(_shift(move, clock))
+            clock += duration
+        rows = _spray(arm, path, q, stroke, parameters)
+        parts.append(_shift(rows, clock))
+        clock += float(rows.t[-1])
+    return JointSequence(
+        t=np.concatenate([p.t for p in parts]),
+        q=np.concatenate([p.q for p in parts]),
+        position=np.concatenate([p.position for p in parts]),
+        direction=np.concatenate([p.direction for p in parts]),
+        point=np.concatenate([p.point for p in parts]),
+        spraying=np.concatenate([p.spraying for p in parts]),
+    )
+
+
+def find_strokes(
+    path: SprayPath, q: Array, break_before: NDArray[np.bool_], gap: float
+) -> list[NDArray[np.int64]]:
+    """Group the solved points into strokes sprayed without a stop; indices of points, in order."""
+    solved = np.flatnonzero(np.isfinite(q).all(axis=1))
+    if not len(solved):
+        return []
+    broken = np.cumsum(break_before)
+    before, after = solved[:-1], solved[1:]
+    cut = broken[after] > broken[before]
+    cut |= ~(np.linalg.norm(path.position[after] - path.position[before], axis=1) <= gap)
+    cut |= (path.bay[after] != path.bay[before]) | (path.overbreak[after] != path.overbreak[before])
+    return np.split(solved, np.flatnonzero(cut) + 1)
+
+
+def _shift(rows: _Rows, clock: float) -> _Rows:
+    return _Rows(rows.t + clock, rows.q, rows.position, rows.direction, rows.point, rows.spraying)
+
+
+def _spray(
+    arm: Arm, path: SprayPath, q: Array, stroke: NDArray[np.int64], parameters: TimingParameters
+) -> _Rows:
+    """Time one stroke: joints and pose as splines over the path's length, then the fastest law."""
+    position, direction = path.position[stroke], path.direction[stroke]
+    if len(stroke) == 1:
+        return _Rows(np.zeros(1), q[stroke], position, direction, stroke, np.zeros(1, dtype=bool))
+    curve = Stroke(arm, q[stroke], position, direction)
+    count = len(stroke) - 1
+    nodes = np.interp(np.arange(SUBDIVISION * count + 1) / SUBDIVISION, np.arange(count + 1), curve.knots)
+    speed = _speed_law(arm, curve, nodes, parameters)
+    times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(nodes) / (speed[:-1] + speed[1:]))])
+    t, exact = _row_times(times[::SUBDIVISION], parameters.row_s)
+    u = _invert(t, times, nodes, speed)
+    rows_q = curve.solve(u)
+    rows_p, rows_d = curve.pose(u)
+    rows_q[exact], rows_p[exact], rows_d[exact] = q[stroke], position, direction
+    point = np.full(len(t), -1, dtype=np.int64)
+    point[exact] = stroke
+    spraying = np.arange(len(t)) < len(t) - 1
+    return _Rows(t, rows_q, rows_p, rows_d, point, spraying)
+
+
+def _speed_law(arm: Arm, curve: Stroke, nodes: Array, parameters: TimingParameters) -> Array:
+    """Find the fastest path speed at the nodes [m/s] that keeps every limit, at rest at both ends.
+
+    The classic two sweeps: the limit curve from speeds and bends, then forward and backward so
+    that no acceleration is exceeded.
+    """
+    p = parameters
+    first, second = np.abs(curve.joints(nodes, 1)), np.abs(curve.joints(nodes, 2))
+    place_rate = np.maximum(np.linalg.norm(curve.place(nodes, 1), axis=1), 1e-9)
+    tiny = 1e-12
+    acceleration = p.acceleration_fraction * arm.max_acceleration
+    limit = np.minimum.reduce(
+        [
+            p.nozzle_speed_m_s / place_rate,
+            (p.speed_fraction * arm.max_speed / (first + tiny)).min(axis=1),
+            np.sqrt(CENTRIPETAL_SHARE * acceleration / (second + tiny)).min(axis=1),
+        ]
+    )
+    ramp = np.minimum(
+        p.nozzle_acceleration_m_s2 / place_rate,
+        ((1.0 - CENTRIPETAL_SHARE) * acceleration / (first + tiny)).min(axis=1),
+    )
+    gain = 2.0 * np.minimum(ramp[:-1], ramp[1:]) * np.diff(nodes)
+    square = limit**2
+    square[0] = square[-1] = 0.0
+    for k in range(1, len(nodes)):
+        square[k] = min(square[k], square[k - 1] + gain[k - 1])
+    for k in range(len(nodes) - 2, -1, -1):
+        square[k] = min(square[k], square[k + 1] + gain[k])
+    return np.asarray(np.sqrt(square))
+
+
+def _row_times(knot_times: Array, row: float) -> tuple[Array, NDArray[np.int64]]:
+    """Fill the time between planned points evenly with rows; their times and the points' rows."""
+    counts = np.maximum(1, np.ceil(np.diff(knot_times) / row - 1e-9)).astype(np.int64)
+    exact = np.concatenate([[0], np.cumsum(counts)])
+    return np.interp(np.arange(exact[-1] + 1), exact, knot_times), exact
+
+
+def _invert(t: Array, times: Array, nodes: Array, speed: Array) -> Array:
+    """Find the path length reached at times t: constant acceleration between nodes."""
+    k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(nodes) - 2)
+    after = t - times[k]
+    acceleration = (speed[k + 1] ** 2 - speed[k] ** 2) / (2.0 * (nodes[k + 1] - nodes[k]))
+    return np.clip(nodes[k] + speed[k] * after + 0.5 * acceleration * after**2, nodes[k], nodes[k + 1])
+
+
+def _move(arm: Arm, start: Array, end: Array, parameters: TimingParameters) -> tuple[float, _Rows]:
+    """Move from rest to rest along a straight line in joint space, jerk-limited; rows between the ends.
+
+    Only ruckig's offline state-to-state call is used; its waypoints would ask a cloud service.
+    """
+    request = InputParameter(arm.n)
+    request.synchronization = Synchronization.Phase
+    request.current_position, request.target_position = start.tolist(), end.tolist()
+    request.max_velocity = (parameters.move_fraction * arm.max_speed).tolist()
+    request.max_acceleration = (parameters.move_fraction * arm.max_acceleration).tolist()
+    request.max_jerk = (parameters.move_fraction * arm.max_jerk).tolist()
+    trajectory = Trajectory(arm.n)
+    result = Ruckig(arm.n).calculate(request, trajectory)
+    if result not in (Result.Working, Result.Finished):
+        raise UnreachableError(f"no joint move between two strokes: ruckig says {result}")
+    duration = max(float(trajectory.duration), parameters.row_s)
+    count = int(np.ceil(duration / parameters.row_s - 1e-9))
+    t = duration * np.arange(1, count) / count
+    q = np.array([trajectory.at_time(time)[0] for time in t.tolist()]).reshape(-1, arm.n)
+    T = arm.forward(q)
+    return duration, _Rows(
+        t, q, T[:, :3, 3], T[:, :3, 0], np.full(len(t), -1, dtype=np.int64), np.zeros(len(t), dtype=bool)
+    )
