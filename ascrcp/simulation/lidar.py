@@ -1,0 +1,89 @@
+"""The simulated lidar seen from the rig: starts its process, tells it the pose, knows its port."""
+
+import multiprocessing
+
+import numpy as np
+
+from ascrcp.core.errors import DeviceError
+from ascrcp.core.geometry import Array
+from ascrcp.simulation.heading import Heading
+from ascrcp.simulation.lidar_model import LidarConfig
+from ascrcp.simulation.lidar_pose import PoseBoard
+from ascrcp.simulation.lidar_process import FAULTS, HOST, serve
+
+START_LIMIT_S = 60.0  # loading Open3D takes 2 s; a loaded machine may need much longer
+STOP_LIMIT_S = 2.0
+
+
+class LidarServer:
+    """A scanner on loopback that speaks the same telegrams as the real one.
+
+    Deterministic: same configuration, heading and seed, and the same sequence of poses and polls,
+    give the same bytes.
+
+    Args:
+        config: The scanner.
+        heading: What it looks at.
+        seed: Seed of its noise.
+    """
+
+    host = HOST
+
+    def __init__(self, config: LidarConfig, heading: Heading, seed: int) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._poses = PoseBoard(context)
+        self._pipe, theirs = context.Pipe()
+        self._port: int | None = None
+        self._process = context.Process(
+            target=serve, args=(config, heading, int(seed), self._poses, theirs), name="lidar", daemon=True
+        )
+        self._process.start()
+        theirs.close()
+
+    @property
+    def port(self) -> int:
+        """TCP port on loopback; the first call waits until the process is ready.
+
+        Raises:
+            DeviceError: The process could not start.
+        """
+        if self._port is None:
+            try:
+                ready = self._pipe.poll(START_LIMIT_S)
+                answer = self._pipe.recv() if ready else f"not ready after {START_LIMIT_S:g} s"
+            except (EOFError, OSError):
+                answer = "its process ended before it was ready"
+            if not isinstance(answer, int):
+                self.close()
+                raise DeviceError(f"simulated lidar: {answer}")
+            self._port = answer
+        return self._port
+
+    def set_pose(self, T_base_mount: Array, pan: float) -> None:
+        """Move the lidar: mount in the base frame, shape (4, 4), true pan head angle [rad].
+
+        Raises:
+            DeviceError: A pose that is not finite.
+        """
+        if not (np.isfinite(T_base_mount).all() and abs(pan) < np.inf):
+            raise DeviceError("simulated lidar: pose and pan must be finite")
+        self._poses.write(T_base_mount, pan)
+
+    def inject(self, fault: str, telegrams: int = 1) -> None:
+        """Spoil the next telegrams (fault F35).
+
+        Args:
+            fault: "silent", "corrupt", "truncate", "freeze" (scan counter) or "status".
+            telegrams: How many.
+        """
+        if fault not in FAULTS:
+            raise DeviceError(f"simulated lidar: unknown fault {fault!r}, allowed {', '.join(FAULTS)}")
+        self._pipe.send((fault, int(telegrams)))
+
+    def close(self) -> None:
+        """Stop the process; closing twice is allowed."""
+        self._pipe.close()
+        self._process.join(STOP_LIMIT_S)
+        if self._process.is_alive():
+            self._process.kill()
+            self._process.join()
