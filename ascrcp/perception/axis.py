@@ -1,0 +1,92 @@
+"""Find the tunnel axis: direction from normals, place from the profile, then the robust fit (thesis 3.3.2)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+from ascrcp.core.flow import Axis
+from ascrcp.core.geometry import Array, unit
+from ascrcp.core.profile import Profile
+from ascrcp.perception.fit import check_fit, fit_axis
+from ascrcp.perception.normal import direction_from_normals, estimate_normals
+from ascrcp.perception.parameter import AxisParameters
+
+_PIXEL = 0.10  # of the section picture the profile is matched in [m]
+_SLAB = 0.5  # stations are counted once per slab, so that the face does not outweigh the wall [m]
+_FIT_POINTS = 120_000  # enough for the fit's cells; measured: more changes it by less than 0.1 mm
+_BAND = 0.10  # wall is looked for this far inside the arch line and outside the overbreak line [m]
+
+
+def find_axis(points: NDArray[np.float32], profile: Profile, parameters: AxisParameters) -> Axis:
+    """Find the axis of the tunnel a cluster of points belongs to.
+
+    Args:
+        points: The tunnel's points without floor, base frame [m], shape (n, 3).
+        profile: Design profile.
+        parameters: Bounds and cells of the fit.
+
+    Returns:
+        Axis with its uncertainty and the evidence it rests on.
+
+    Raises:
+        RecognitionError: If the points are not a tunnel of this profile.
+    """
+    normals, flatness = estimate_normals(points)
+    direction = direction_from_normals(normals, flatness, parameters.max_yaw_deg)
+    some = points[:: max(1, len(points) // _FIT_POINTS)]
+    start = axis_through(match_profile(some, direction, profile), direction)
+    fit = fit_axis(some, start, profile, parameters)
+    check_fit(fit, profile, parameters)
+    return fit.axis
+
+
+def axis_through(point: Array, direction: Array) -> Axis:
+    """Build an axis whose station 0 is the point nearest the base origin (design.md section 1)."""
+    direction = unit(np.asarray(direction, dtype=float))
+    return Axis(point - direction * (point @ direction), direction)
+
+
+def match_profile(points: NDArray[np.float32], direction: Array, profile: Profile) -> Array:
+    """Find where in the section the profile lies: the best overlap of two pictures.
+
+    The mean of all points (eq. 3-5) is biased where part of the ring is missing, see errata; the
+    profile's own shape is not.
+
+    Args:
+        points: Tunnel points, base frame [m], shape (n, 3).
+        direction: Unit direction, shape (3,).
+        profile: Design profile.
+
+    Returns:
+        A point on the axis [m], base frame, shape (3,).
+    """
+    frame = Axis(np.zeros(3), direction).T_base_tunnel[:3, :3]
+    local = points @ frame
+    low = local.min(axis=0)
+    pixel = ((local[:, 1:] - low[1:]) / _PIXEL).astype(np.int64)
+    slab = ((local[:, 0] - low[0]) / _SLAB).astype(np.int64)
+    height, width = pixel[:, 0].max() + 1, pixel[:, 1].max() + 1
+    seen = np.zeros((slab.max() + 1, height, width), dtype=bool)
+    seen[slab, pixel[:, 0], pixel[:, 1]] = True
+    picture = seen.sum(axis=0).astype(float)
+    template, origin = _template(profile)
+    overlap = fftconvolve(picture, template[::-1, ::-1], mode="full")
+    best = np.array(np.unravel_index(int(overlap.argmax()), overlap.shape))
+    shift = best - (np.array(template.shape) - 1)
+    yz = low[1:] + (shift + origin + 0.5) * _PIXEL
+    return np.asarray(frame @ np.array([0.0, yz[0], yz[1]]))
+
+
+def _template(profile: Profile) -> tuple[Array, Array]:
+    """Picture of the wall band, 1 on it, and the pixel of the axis in it."""
+    margin = profile.overbreak_line + 2 * _BAND
+    line = profile.point(np.linspace(0.0, profile.length, 400), margin)
+    low = np.floor(line.min(axis=0) / _PIXEL)
+    size = (np.ceil(line.max(axis=0) / _PIXEL) - low).astype(int)
+    y, z = np.meshgrid(*[(low[i] + np.arange(size[i]) + 0.5) * _PIXEL for i in (0, 1)], indexing="ij")
+    along, offset = profile.locate(np.column_stack([y.ravel(), z.ravel()]))
+    band = (offset > profile.arch_line - _BAND) & (offset < profile.overbreak_line + _BAND)
+    beside = (along > 0.0) & (along < profile.length)
+    # what lies clearly inside speaks against a place: the face is weak evidence, slabs count it once
+    template = np.where(beside & band, 1.0, 0.0) - 0.1 * (offset < profile.arch_line - 4 * _BAND)
+    return template.reshape(y.shape), -low - 0.5

@@ -1,0 +1,294 @@
+"""Fit the axis robustly to everything that runs along it: sprayed surface, arch rings, rock.
+
+Each ring of cells (one slice, inner or outer surface) may have any offset from the design line of
+its own; only how the offset changes round the ring and from ring to ring moves the axis. So the
+sprayed part, arches and rock agree about one axis although they lie on different lines, and smooth
+rings count more than rough ones.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.errors import RecognitionError
+from ascrcp.core.flow import Axis
+from ascrcp.core.geometry import Array, unit
+from ascrcp.core.profile import Profile
+from ascrcp.perception.parameter import AxisParameters
+from ascrcp.perception.raster import Raster, Unrolled, raster_over, unroll
+
+_INSIDE, _OUTSIDE = 0.45, 0.45  # band about the two lines that is looked at in the first steps [m]
+_FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
+_TUKEY = 4.0  # cells farther off than this many scales are no evidence; usual choice 4..6
+_MIN_CELLS = 8  # a ring with fewer cells says nothing about its centre
+_SPRAYED_LENGTH = 1.5  # more of the arch line than this seen is the sprayed part, not arches [m]
+_ONE_SURFACE = 0.10  # points spread over all of the band would have 0.19 m, rock in a cell has 0.03 m
+_MIN_COMPACT = 0.6  # placeholder
+_BLOCK = 1.0  # roughness is taken as independent beyond this [m], for the uncertainty
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The fitted axis with what is needed to judge it.
+
+    Attributes:
+        axis: The axis.
+        ring_station: Station of each ring used [m], shape (k,).
+        ring_offset: Its offset from the design line [m], shape (k,).
+        ring_outer: Whether it is an outer ring (rock) rather than one at the arch line, shape (k,).
+        share: Share of the points that lie between the two lines (0.15 m more either side).
+        compact: Share of the cells there whose points lie on one surface, not scattered in depth.
+        cover: Metres of station whose wall was seen over at least a third of the arc.
+    """
+
+    axis: Axis
+    ring_station: Array
+    ring_offset: Array
+    ring_outer: NDArray[np.bool_]
+    share: float
+    compact: float
+    cover: float
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Cells of the wall: which ring, how far off, where; all shape (m,)."""
+
+    ring: NDArray[np.int64]
+    station: Array
+    along: Array
+    offset: Array
+    outer: NDArray[np.bool_]
+
+
+def fit_axis(
+    points: NDArray[np.float32], start: Axis, profile: Profile, parameters: AxisParameters
+) -> Fit:
+    """Fit the axis by iterated, reweighted least squares.
+
+    Args:
+        points: Tunnel points, base frame [m], shape (n, 3).
+        start: First estimate, good to about 2 deg and 0.3 m.
+        profile: Design profile.
+        parameters: Cells and number of iterations.
+
+    Returns:
+        The axis with one-sigma uncertainties, and its rings.
+
+    Raises:
+        RecognitionError: If too little wall is seen to fit anything.
+    """
+    axis = start
+    scale = 0.15  # narrows step by step: far cells may count at first only
+    for step in range(parameters.iterations):
+        wide = step < parameters.iterations // 2
+        flat = unroll(points, axis, profile)
+        cells = _gather(flat, profile, parameters, wide)
+        move, _, weight = _solve(cells, profile, scale)
+        middle = float(np.average(cells.station, weights=weight))
+        axis = _moved(axis, move, middle)
+        scale = max(_FLOOR, scale * 0.5)
+    flat = unroll(points, axis, profile)
+    cells = _gather(flat, profile, parameters, wide=False)
+    _, spread, weight = _solve(cells, profile, _FLOOR)
+    axis = replace(
+        axis,
+        direction_sigma_deg=float(np.degrees(np.hypot(spread[2], spread[3]))),
+        position_sigma=float(np.hypot(spread[0], spread[1])),
+        evidence=_evidence(cells, weight, parameters),
+    )
+    return _describe(axis, flat, cells, profile, parameters)
+
+
+def check_fit(fit: Fit, profile: Profile, parameters: AxisParameters) -> None:
+    """Refuse what is no tunnel of this profile.
+
+    Raises:
+        RecognitionError: Saying which condition fails.
+    """
+    name = profile.name
+    if not fit.cover >= 1.0:
+        raise RecognitionError(
+            f"no tunnel found: only {fit.cover:.1f} m of wall fit profile {name}, at least 1 m is needed"
+        )
+    if not fit.share >= parameters.min_share:
+        raise RecognitionError(
+            f"no tunnel found: only {100 * fit.share:.0f} % of the points lie on profile {name}, "
+            f"at least {100 * parameters.min_share:.0f} % are needed; is it another tunnel's profile?"
+        )
+    if not fit.compact >= _MIN_COMPACT:
+        raise RecognitionError(
+            f"no tunnel found: points near profile {name} are scattered, only {100 * fit.compact:.0f} % of "
+            f"the cells hold one surface, at least {100 * _MIN_COMPACT:.0f} % are needed"
+        )
+    taper = _taper(fit)
+    if not taper <= parameters.max_taper:
+        raise RecognitionError(
+            f"no tunnel found: what fits profile {name} widens by {taper:.2f} m per metre along the axis, "
+            f"allowed {parameters.max_taper:g}"
+        )
+
+
+def _taper(fit: Fit) -> float:
+    """Median slope of the rings' offset, inner and outer rings apart."""
+    slopes = []
+    for outer in (False, True):
+        mine = fit.ring_outer == outer
+        station, offset = fit.ring_station[mine], fit.ring_offset[mine]
+        if len(station) > 3:
+            ds = station[3:] - station[:-3]
+            slopes.append(np.abs(offset[3:] - offset[:-3])[ds < 0.6] / ds[ds < 0.6])
+    every = np.concatenate(slopes) if slopes else np.zeros(0)
+    return float(np.median(every)) if len(every) else np.inf
+
+
+def _gather(flat: Unrolled, profile: Profile, parameters: AxisParameters, wide: bool) -> _Cells:
+    low = profile.arch_line - (_INSIDE if wide else 0.5 * _INSIDE)
+    high = profile.overbreak_line + (_OUTSIDE if wide else 0.5 * _OUTSIDE)
+    on = flat.beside & (flat.offset > low) & (flat.offset < high)
+    if on.sum() < 500:
+        raise RecognitionError(
+            f"no tunnel found: only {int(on.sum())} points lie near the line of profile {profile.name}"
+        )
+    flat = flat.pick(on)
+    raster = raster_over(
+        float(flat.station.min()),
+        float(flat.station.max()) + 1e-6,
+        parameters.cell_station,
+        parameters.cell_along,
+        profile,
+    )
+    index = raster.index(flat.station, flat.along)
+    if wide:
+        return _average(raster, index, flat, np.zeros(len(flat), dtype=bool))
+    # inner and outer surface of one slice are rings of their own: arch and the rock beside it
+    return _average(raster, index, flat, flat.offset > _between(profile))
+
+
+def _between(profile: Profile) -> float:
+    """Offset that parts surfaces at the arch line from rock [m]."""
+    return profile.arch_line / 2 if profile.arch_line < 0 < profile.overbreak_line else (
+        profile.arch_line + profile.overbreak_line
+    ) / 2
+
+
+def _average(
+    raster: Raster, index: NDArray[np.int64], flat: Unrolled, outer: NDArray[np.bool_]
+) -> _Cells:
+    rows, columns = raster.shape
+    key = index + outer * (rows * columns)
+    count = np.bincount(key, minlength=2 * rows * columns)
+    full = np.flatnonzero(count >= 2)
+    mean = np.bincount(key, flat.offset, minlength=len(count))[full] / count[full]
+    station = np.bincount(key, flat.station, minlength=len(count))[full] / count[full]
+    along = np.bincount(key, flat.along, minlength=len(count))[full] / count[full]
+    is_outer = full >= rows * columns
+    ring = (full % (rows * columns)) // columns + is_outer * rows
+    enough = np.bincount(ring, minlength=2 * rows)[ring] >= _MIN_CELLS
+    if enough.sum() < 4 * _MIN_CELLS:
+        raise RecognitionError("no tunnel found: too little wall is seen to fit an axis to it")
+    _, ring = np.unique(ring[enough], return_inverse=True)
+    return _Cells(ring, station[enough], along[enough], mean[enough], is_outer[enough])
+
+
+def _medians(value: Array, ring: NDArray[np.int64]) -> Array:
+    """Median of the values of each ring, shape (rings,)."""
+    order = np.lexsort((value, ring))
+    count = np.bincount(ring)
+    first = np.concatenate([[0], np.cumsum(count)[:-1]])
+    low, high = first + (count - 1) // 2, first + count // 2
+    return np.asarray((value[order[low]] + value[order[high]]) / 2)
+
+
+def _solve(cells: _Cells, profile: Profile, scale: float) -> tuple[Array, Array, Array]:
+    """One reweighted step.
+
+    Returns:
+        Move of the axis (dy, dz [m], dyaw, dpitch [rad]) about the cells' weighted mean station,
+        its standard deviations, both shape (4,), and the cells' weights, shape (m,).
+    """
+    ring = cells.ring
+    error = cells.offset - _medians(cells.offset, ring)[ring]
+    sigma = np.maximum(1.4826 * _medians(np.abs(error), ring), scale)[ring]
+    weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / sigma**2
+    lever = cells.station - np.average(cells.station, weights=weight)
+    normal = profile.normal(cells.along)
+    design = np.column_stack([normal, normal * lever[:, None]])
+    total = np.bincount(ring, weight)
+    design -= _ring_mean(design, weight, ring, total)
+    error = error - _ring_mean(error[:, None], weight, ring, total)[:, 0]
+    information = (design * weight[:, None]).T @ design
+    if not np.linalg.cond(information) < 1e9:
+        raise RecognitionError("no tunnel found: the wall seen is too narrow to place the axis")
+    move = np.linalg.solve(information, design.T @ (weight * error))
+    left = error - design @ move
+    return move, _spread(cells, design, weight * left, information), weight
+
+
+def _ring_mean(value: Array, weight: Array, ring: NDArray[np.int64], total: Array) -> Array:
+    sums = np.stack([np.bincount(ring, weight * column) for column in value.T], axis=-1)
+    return np.asarray((sums / np.maximum(total, 1e-12)[:, None])[ring])
+
+
+def _spread(cells: _Cells, design: Array, score: Array, information: Array) -> Array:
+    """Standard deviations when roughness is alike within blocks of 1 m (sandwich estimate)."""
+    block = np.floor(cells.station / _BLOCK).astype(np.int64) * 1000 + (cells.along / _BLOCK).astype(np.int64)
+    _, block = np.unique(block, return_inverse=True)
+    sums = np.stack([np.bincount(block, score * column) for column in design.T], axis=-1)
+    inverse = np.linalg.inv(information)
+    return np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse))
+
+
+def _moved(axis: Axis, move: Array, middle: float) -> Axis:
+    T = axis.T_base_tunnel
+    left, up = T[:3, 1], T[:3, 2]
+    direction = unit(axis.direction + move[2] * left + move[3] * up)
+    point = axis.point + middle * axis.direction + move[0] * left + move[1] * up
+    return Axis(point - direction * (point @ direction), direction)
+
+
+def _evidence(cells: _Cells, weight: Array, parameters: AxisParameters) -> tuple[str, ...]:
+    """Name the surfaces that carry at least a tenth of the weight."""
+    inner = ~cells.outer
+    row = np.floor((cells.station[inner] - cells.station.min()) / parameters.cell_station).astype(np.int64)
+    length = float(np.sum(np.bincount(row) >= _MIN_CELLS)) * parameters.cell_station
+    names = []
+    if weight[inner].sum() > 0.1 * weight.sum():
+        names.append("sprayed" if length > _SPRAYED_LENGTH else "arches")
+    if weight[~inner].sum() > 0.1 * weight.sum():
+        names.append("rock")
+    return (*names, "profile")
+
+
+def _describe(axis: Axis, flat: Unrolled, cells: _Cells, profile: Profile, parameters: AxisParameters) -> Fit:
+    size = np.bincount(cells.ring)
+    row = np.round(cells.station / parameters.cell_station).astype(np.int64)
+    row -= row.min()
+    columns = profile.length / parameters.cell_along
+    cover = float(np.sum(np.bincount(row) > columns / 3) * parameters.cell_station)
+    low, high = profile.arch_line - _INSIDE / 3, profile.overbreak_line + _OUTSIDE / 3
+    wall = flat.beside & (flat.offset > low) & (flat.offset < high)
+    return Fit(
+        axis,
+        np.bincount(cells.ring, cells.station) / size,
+        _medians(cells.offset, cells.ring),
+        np.bincount(cells.ring, cells.outer) / size > 0.5,
+        float(wall.mean()),
+        _compactness(flat.pick(wall), profile, parameters),
+        cover,
+    )
+
+
+def _compactness(flat: Unrolled, profile: Profile, parameters: AxisParameters) -> float:
+    """Share of the cells with at least 3 points whose standard deviation is that of one surface."""
+    if not len(flat):
+        return 0.0
+    first, last = float(flat.station.min()), float(flat.station.max()) + 1e-6
+    raster = raster_over(first, last, parameters.cell_station, parameters.cell_along, profile)
+    index = raster.index(flat.station, flat.along)
+    mean, count = raster.mean(index, flat.offset)
+    square, _ = raster.mean(index, flat.offset**2)
+    full = count >= 3
+    variance = square[full] - mean[full] ** 2
+    return float(np.mean(variance < _ONE_SURFACE**2)) if full.any() else 0.0

@@ -1,0 +1,79 @@
+"""Ground off: find the floor plane below the tunnel so that clusters no longer hang together on it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.geometry import Array
+from ascrcp.perception.parameter import GroundParameters
+
+_CELL = 0.5  # side of the squares whose lowest point speaks for them [m]
+_BAND = 0.10  # a square agrees with the plane if its lowest point is this near [m]
+_SLOPE_STEP = 0.01  # grid of slopes tried first
+
+
+def find_ground(points: NDArray[np.float32], parameters: GroundParameters) -> Array | None:
+    """Find the floor as z = a x + b y + c.
+
+    The lowest point of each square votes for a height under every slope allowed; the best is then
+    fitted by least squares. A tunnel seen without its floor gives None, since a vault is not flat.
+
+    Args:
+        points: Points in the base frame [m], shape (n, 3).
+        parameters: Tilt allowed, share of the squares that must agree.
+
+    Returns:
+        (a, b, c), or None if there is no floor in the cloud.
+    """
+    low = _lowest(points)
+    if len(low) < 20:
+        return None
+    plane = _vote(low, parameters)
+    for _ in range(3):
+        near = np.abs(low[:, 2] - _height(low, plane)) < _BAND
+        if near.sum() < 10:
+            return None
+        design = np.column_stack([low[near, :2], np.ones(int(near.sum()))])
+        plane = np.linalg.lstsq(design, low[near, 2], rcond=None)[0]
+    error = low[:, 2] - _height(low, plane)
+    tilt = np.degrees(np.arctan(np.hypot(plane[0], plane[1])))
+    share = np.mean(np.abs(error) < _BAND)
+    below = np.mean(error < -2 * _BAND)
+    if not (tilt <= parameters.max_tilt_deg and share >= parameters.min_share and below <= 0.2):
+        return None
+    return plane
+
+
+def is_ground(points: NDArray[np.float32], plane: Array | None, clearance: float) -> NDArray[np.bool_]:
+    """Mark points on, just above or below the floor, shape (n,)."""
+    if plane is None:
+        return np.zeros(len(points), dtype=bool)
+    return np.asarray(points[:, 2] < _height(points, plane.astype(np.float32)) + np.float32(clearance))
+
+
+def _height(points: Array, plane: Array) -> Array:
+    return plane[0] * points[:, 0] + plane[1] * points[:, 1] + plane[2]
+
+
+def _lowest(points: NDArray[np.float32]) -> Array:
+    """Lowest point of every square, shape (m, 3)."""
+    cell = np.floor((points[:, :2] - points[:, :2].min(axis=0)) / _CELL).astype(np.int64)
+    key = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+    lowest = np.full(int(key.max()) + 1, np.inf, dtype=np.float32)
+    np.minimum.at(lowest, key, points[:, 2])
+    index = np.flatnonzero(points[:, 2] == lowest[key])
+    _, first = np.unique(key[index], return_index=True)
+    return points[index[first]].astype(float)
+
+
+def _vote(low: Array, parameters: GroundParameters) -> Array:
+    limit = float(np.tan(np.radians(parameters.max_tilt_deg)))
+    slopes = np.arange(-limit, limit + _SLOPE_STEP, _SLOPE_STEP)
+    best, plane = -1, np.zeros(3)
+    for a in slopes:
+        for b in slopes[::2]:
+            level = low[:, 2] - a * low[:, 0] - b * low[:, 1]
+            bins = np.bincount(np.clip((level - level.min()) / _BAND, 0, 2000).astype(np.int64))
+            top = int(bins.argmax())
+            if bins[top] > best:
+                best, plane = int(bins[top]), np.array([a, b, level.min() + (top + 0.5) * _BAND])
+    return plane
