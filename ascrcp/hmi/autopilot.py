@@ -1,0 +1,158 @@
+"""The automatic job without a hand on the screen: presses the same buttons, in the same order."""
+
+import math
+from collections.abc import Callable
+from enum import Enum
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+
+from ascrcp.core.event import EVENTS
+from ascrcp.hmi.text import STEP_NAME, Language
+from ascrcp.hmi.theme import Screen
+from ascrcp.hmi.window import Window
+from ascrcp.session.snapshot import Snapshot
+from ascrcp.session.state import STEPS, Step
+
+MIDDLE = 0.5
+"""Progress of the run at which a picture is taken."""
+REPORT_SHARE = 0.25
+"""Progress is said at every such share of a step."""
+
+
+class Wait(Enum):
+    """What the autopilot waits for."""
+
+    RESET = "reset"
+    START = "start"
+    STEP = "step"
+    OVER = "over"
+
+
+class Autopilot(QObject):
+    """Follows the window's snapshots and presses its buttons; ends with `finished(ok)`.
+
+    Time is counted in refreshes of the window, so that it needs no clock.
+    """
+
+    finished = Signal(bool)
+
+    def __init__(
+        self, window: Window, screen: Screen, say: Callable[[str], None], pictures: Path | None
+    ) -> None:
+        """Args: say: takes one line of progress; pictures: folder for PNG files, None for none."""
+        super().__init__(window)
+        self._window, self._say, self._pictures = window, say, pictures
+        self._patience = math.ceil(1000 * screen.autopilot.patience_s / screen.refresh_ms)
+        self._reset_every = math.ceil(1000 * screen.autopilot.reset_every_s / screen.refresh_ms)
+        self._wait = Wait.RESET
+        self._index = 0
+        self._idle = 0
+        self._seen: tuple[object, ...] = ()
+        self._announced = 0
+        self._last_failure = ""
+        self._was_active = False
+        self._share = 0.0
+        self._has_middle = False
+        window.refused.connect(lambda reason: self._end(False, reason))
+        window.refreshed.connect(self._follow)
+
+    @property
+    def step(self) -> Step:
+        """The step being worked on."""
+        return STEPS[self._index]
+
+    def _follow(self, snapshot: Snapshot) -> None:
+        if self._wait is Wait.OVER:
+            return
+        self._repeat_announcements(snapshot)
+        if self._is_stuck(snapshot):
+            self._end(False, f"nothing changed for so long in {self._wait.value} of {self.step.value}")
+        elif self._wait is Wait.RESET:
+            self._press_reset(snapshot)
+        elif self._wait is Wait.START:
+            self._press_step(snapshot)
+        else:
+            self._watch_step(snapshot)
+
+    def _repeat_announcements(self, snapshot: Snapshot) -> None:
+        for message in snapshot.announcements:
+            if message.number > self._announced:
+                self._announced = message.number
+                self._say(f"  {message.text[Language.EN]}")
+                if message.failure:
+                    self._last_failure = message.text[Language.EN]
+
+    def _is_stuck(self, snapshot: Snapshot) -> bool:
+        seen = (snapshot.job, snapshot.stage, snapshot.progress, snapshot.point, self._announced)
+        self._idle = 0 if seen != self._seen else self._idle + 1
+        self._seen = seen
+        return self._idle > self._patience
+
+    def _press_reset(self, snapshot: Snapshot) -> None:
+        if not snapshot.job.stopped:
+            self._take_picture("00_ready")
+            self._wait = Wait.START
+        elif self._idle % self._reset_every == 0 and self._window.rail.reset_button.isEnabled():
+            self._window.rail.reset_button.click()
+
+    def _press_step(self, snapshot: Snapshot) -> None:
+        if snapshot.job.stopped:
+            self._end(False, self._explain(snapshot))
+            return
+        button = self._window.steps.buttons[self.step]
+        if not button.isEnabled():
+            return
+        self._say(f"{self._index + 1}/{len(STEPS)} {STEP_NAME[self.step][Language.EN]}")
+        self._wait, self._was_active, self._share, self._last_failure = Wait.STEP, False, 0.0, ""
+        button.click()
+
+    def _watch_step(self, snapshot: Snapshot) -> None:
+        job = snapshot.job
+        if job.active is self.step:
+            self._was_active = True
+            self._report_progress(snapshot)
+            return
+        if self.step in job.done:
+            self._take_picture(f"{self._index + 1:02d}_{self.step.value}")
+            if self._index + 1 == len(STEPS):
+                self._end(True, "job finished")
+            else:
+                self._index += 1
+                self._wait = Wait.START
+        elif self._was_active or job.stopped or self._last_failure:
+            self._end(False, self._explain(snapshot))
+
+    def _report_progress(self, snapshot: Snapshot) -> None:
+        if snapshot.progress >= self._share + REPORT_SHARE:
+            self._share = REPORT_SHARE * math.floor(snapshot.progress / REPORT_SHARE)
+            self._say(f"  {round(100 * snapshot.progress)} % {snapshot.stage[Language.EN]}")
+        if self.step is Step.RUN and snapshot.progress >= MIDDLE and not self._has_middle:
+            self._has_middle = True
+            self._take_picture("05_run_middle")
+
+    def _explain(self, snapshot: Snapshot) -> str:
+        if self._last_failure:
+            return self._last_failure
+        code = next(iter(snapshot.causes), "")
+        return (
+            EVENTS[code].cause[Language.EN] if code in EVENTS else code or "the step ended without its result"
+        )
+
+    def _take_picture(self, name: str) -> None:
+        if self._pictures is None:
+            return
+        path = self._pictures / f"{name}.png"
+        if not self._window.grab().save(str(path)):
+            self._end(False, f"{path}: the picture cannot be written")
+
+    def _end(self, is_ok: bool, reason: str) -> None:
+        if self._wait is Wait.OVER:
+            return
+        if not is_ok:
+            reason = f"{STEP_NAME[self.step][Language.EN]} failed: {reason}"
+        self._wait = Wait.OVER
+        self._say(reason)
+        if not is_ok:
+            self._take_picture("failed")
+        self.finished.emit(is_ok)

@@ -1,0 +1,131 @@
+"""Every word on the screen, in English and Chinese (thesis 6.1.2 gives the Chinese button names)."""
+
+from enum import IntEnum
+
+from ascrcp.session.state import Mode, Step
+
+
+class Language(IntEnum):
+    """Index into every (English, Chinese) pair of the project."""
+
+    EN = 0
+    ZH = 1
+
+    @property
+    def other(self) -> "Language":
+        """The language the switch leads to."""
+        return Language.ZH if self is Language.EN else Language.EN
+
+    @property
+    def code(self) -> str:
+        """Code as configuration files write it: en, zh."""
+        return self.name.lower()
+
+
+STEP_NAME: dict[Step, tuple[str, str]] = {
+    Step.ZERO: ("Zero joints", "关节归零"),
+    Step.RECOGNISE: ("Recognise", "识别解算"),
+    Step.LOAD: ("Load data", "读取数据"),
+    Step.GO_TO_START: ("Go to start", "运动至初始点"),
+    Step.RUN: ("Run", "开始运动"),
+}
+MODE_NAME: dict[Mode, tuple[str, str]] = {
+    Mode.AUTOMATIC: ("Automatic", "全自动"),
+    Mode.SEMI_AUTOMATIC: ("Semi-automatic", "半自动"),
+}
+TEXT: dict[str, tuple[str, str]] = {
+    "window": ("ASCRCP - automatic shotcrete robot control", "ASCRCP 自动喷浆机器人控制平台"),
+    "language": ("中文", "English"),
+    "simulation": ("SIMULATION\nno real machine", "仿真\n未连接真实设备"),
+    # step states
+    "todo": ("○ to do", "○ 待执行"),
+    "active": ("▶ in progress", "▶ 进行中"),
+    "done": ("✔ done", "✔ 已完成"),
+    # state of the platform
+    "estop": ("EMERGENCY STOP", "急停"),
+    "stopped": ("STOPPED", "已停止"),
+    "holding": ("HOLDING", "保持中"),
+    "moving": ("ARM MOVING", "机械臂运动中"),
+    "computing": ("WORKING", "处理中"),
+    "finished": ("JOB FINISHED", "作业完成"),
+    "ready": ("READY", "就绪"),
+    "remaining": ("{time} left", "剩余 {time}"),
+    "at_rest": ("no step under way", "无进行中的步骤"),
+    # commands
+    "stop": ("STOP", "紧急停止"),
+    "stop_keys": ("Space or F12", "空格键或 F12"),
+    "reset": ("RESET", "复位"),
+    "quit": ("Quit", "退出平台"),
+    "quit_again": ("Press again\nto quit", "再按一次\n退出"),
+    "cancel": ("Cancel step", "取消步骤"),
+    "estop_released": ("Hard-wired e-stop:\n● released", "硬件急停：\n● 已释放"),
+    "estop_pressed": ("Hard-wired e-stop:\n▲ PRESSED", "硬件急停：\n▲ 已按下"),
+    "software_stop": (
+        "This is a software stop. The safety device is the hard-wired emergency stop.",
+        "此按钮为软件停止。安全装置是硬件急停按钮。",
+    ),
+    # alarm
+    "no_alarm": ("● No alarm", "● 无报警"),
+    "alarm": ("▲ ALARM {fault}", "▲ 报警 {fault}"),
+    "notice": ("■ NOTICE", "■ 提示"),
+    "first_of": ("first of {n}", "共 {n} 条，首发"),
+    "cause": ("Cause", "原因"),
+    "consequence": ("Effect", "后果"),
+    "action": ("Action", "措施"),
+    "messages": ("Messages", "消息"),
+    # joints
+    "joint": ("Joint", "关节"),
+    "actual": ("Actual", "实际"),
+    "target": ("Target", "目标"),
+    "error": ("Error", "误差"),
+    "drive": ("Drive", "驱动"),
+    # nozzle
+    "nozzle_auto": ("Nozzle, automatic", "喷头（全自动）"),
+    "nozzle_semi": ("Nozzle, semi-automatic: joystick along the plan", "喷头（半自动）：摇杆沿轨迹移动"),
+    "position": ("Position x y z", "位置 x y z"),
+    "wanted": ("Target x y z", "目标 x y z"),
+    "direction": ("Spray direction", "喷射方向"),
+    "nozzle_error": ("Nozzle error", "喷头误差"),
+    "points": ("Points", "规划点"),
+    "points_value": (
+        "{reached} of {points} reached, {skipped} skipped",
+        "已达 {reached} / {points}，跳过 {skipped}",
+    ),
+    "spray": ("Spray", "喷射"),
+    "spray_on": ("▶ ON", "▶ 开"),
+    "spray_off": ("○ off", "○ 关"),
+    "spray_operator": ("by the operator", "由操作手控制"),
+    "joystick_present": ("joystick connected", "摇杆已连接"),
+    "joystick_absent": ("no joystick", "未连接摇杆"),
+    # 3-D view
+    "turn_left": ("◀\nturn", "◀\n左转"),
+    "turn_right": ("▶\nturn", "▶\n右转"),
+    "nearer": ("+\nnearer", "+\n放大"),
+    "farther": ("−\nfarther", "−\n缩小"),
+    "view_next": ("view:\n{name}", "视角：\n{name}"),
+    "view_behind": ("behind", "后方"),
+    "view_side": ("side", "侧面"),
+    "view_top": ("top", "俯视"),
+    "sprayed": ("sprayed", "已喷面"),
+    "bay": ("rock", "拱间面"),
+    "arch": ("arch", "钢拱"),
+    "overbreak": ("overbreak", "超挖"),
+    "path": ("path", "轨迹"),
+    "path_done": ("path done", "已走轨迹"),
+    "path_unsolved": ("no solution", "无解点"),
+    "arm": ("arm", "机械臂"),
+    # status line
+    "cycle": (
+        "Cycle late p50 {p50}, p99.9 {p99_9}, max {max}, missed {missed}",
+        "周期延迟 中位 {p50}，99.9% {p99_9}，最大 {max}，丢失 {missed}",
+    ),
+    "oil": ("Oil {value}", "油温 {value}"),
+    "job_time": ("Job time {value}", "作业时间 {value}"),
+    "speed": ("Speed {value}", "速度 {value}"),
+    "round": ("Round {value}", "循环 {value}"),
+}
+
+
+def say(key: str, language: Language) -> str:
+    """Return the text of a key in a language."""
+    return TEXT[key][language]

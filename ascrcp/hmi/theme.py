@@ -1,0 +1,161 @@
+"""How the screen looks: config/screen.yaml and resources/screen.qss -> one style sheet, one colour table."""
+
+from pathlib import Path
+from string import Template
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+from PySide6.QtGui import QFont, QFontDatabase
+from PySide6.QtWidgets import QApplication, QWidget
+
+from ascrcp.core import paths
+from ascrcp.core.config import Struct, load
+
+Colour = Annotated[str, Meta(pattern="^#[0-9a-f]{6}$")]
+Positive = Annotated[float, Meta(gt=0)]
+
+
+class Size(Struct):
+    """Smallest window [px]."""
+
+    width: Annotated[int, Meta(ge=1024, le=7680)]
+    height: Annotated[int, Meta(ge=768, le=4320)]
+
+
+class Autopilot(Struct):
+    """How patient the autopilot is [s]."""
+
+    patience_s: Positive
+    reset_every_s: Positive
+
+
+class View(Struct):
+    """The 3-D view's first camera and its buttons' steps."""
+
+    points: Annotated[int, Meta(ge=1000, le=500_000)]
+    fov_deg: Annotated[float, Meta(ge=10, le=120)]
+    azimuth_deg: Annotated[float, Meta(ge=-360, le=360)]
+    elevation_deg: Annotated[float, Meta(ge=-90, le=90)]
+    distance: Annotated[float, Meta(ge=1, le=200)]
+    centre: tuple[float, float, float]
+    turn_deg: Annotated[float, Meta(gt=0, le=90)]
+    zoom: Annotated[float, Meta(gt=1, le=4)]
+
+
+class Colours(Struct):
+    """Colours of the controls; `on_x` is text upon x."""
+
+    background: Colour
+    panel: Colour
+    border: Colour
+    text: Colour
+    muted: Colour
+    button: Colour
+    pressed: Colour
+    off: Colour
+    danger: Colour
+    on_danger: Colour
+    abnormal: Colour
+    on_abnormal: Colour
+    normal: Colour
+    on_normal: Colour
+    reset: Colour
+    on_reset: Colour
+    void: Colour
+
+
+class SceneColours(Struct):
+    """Colours of the 3-D view; the first seven are named like core.flow.Label."""
+
+    other: Colour
+    sprayed: Colour
+    bay: Colour
+    arch: Colour
+    overbreak: Colour
+    ground: Colour
+    face: Colour
+    path: Colour
+    path_done: Colour
+    path_unsolved: Colour
+    arm: Colour
+    joint: Colour
+    spray: Colour
+
+
+class Screen(Struct):
+    """Everything in config/screen.yaml."""
+
+    language: Literal["zh", "en"]
+    refresh_ms: Annotated[int, Meta(ge=20, le=200)]
+    size: Size
+    touch_px: Annotated[int, Meta(ge=60, le=200)]
+    stale_ms: Positive
+    quit_confirm_s: Positive
+    autopilot: Autopilot
+    view: View
+    fonts: Annotated[list[str], Meta(min_length=1)]
+    colours: Colours
+    scene_colours: SceneColours
+
+
+def load_screen(path: Path | None = None) -> Screen:
+    """Read the screen's configuration.
+
+    Raises:
+        ConfigError: A key is missing, unknown or outside its range.
+    """
+    return load(path or paths.CONFIG / "screen.yaml", Screen)
+
+
+def colour_fields(colours: Colours | SceneColours) -> dict[str, str]:
+    """Return the colours of a table by name."""
+    fields: dict[str, str] = msgspec.to_builtins(colours)
+    return fields
+
+
+def style_sheet(screen: Screen) -> str:
+    """Return the style sheet with the configured colours and sizes filled in."""
+    template = Template((paths.RESOURCES / "screen.qss").read_text(encoding="utf-8"))
+    return template.substitute(colour_fields(screen.colours), touch=screen.touch_px, stop=2 * screen.touch_px)
+
+
+def find_chinese_font() -> str | None:
+    """Return an installed font family with simplified Chinese, None if there is none."""
+    families = QFontDatabase.families(QFontDatabase.WritingSystem.SimplifiedChinese)
+    proportional = [name for name in families if "Mono" not in name]
+    return next(iter(proportional or families), None)
+
+
+def apply_theme(application: QApplication, screen: Screen) -> bool:
+    """Give the application its style sheet and fonts.
+
+    Returns:
+        Whether Chinese text can be shown.
+    """
+    chinese = find_chinese_font()
+    font = QFont()
+    font.setFamilies([*screen.fonts, *([chinese] if chinese else [])])
+    application.setFont(font)
+    application.setStyleSheet(style_sheet(screen))
+    return chinese is not None
+
+
+def set_look(widget: QWidget, look: str) -> None:
+    """Choose one of the style sheet's looks for a widget; costs nothing when it has it already."""
+    if widget.property("look") != look:
+        widget.setProperty("look", look)
+        widget.style().unpolish(widget)
+        widget.style().polish(widget)
+
+
+def contrast(first: str, second: str) -> float:
+    """Compute the contrast ratio of two colours "#rrggbb" (WCAG 2.1): 1..21, text needs 4.5."""
+
+    def luminance(colour: str) -> float:
+        channels = [int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+        linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+        return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+    dark, light = sorted((luminance(first), luminance(second)))
+    return (light + 0.05) / (dark + 0.05)

@@ -1,0 +1,146 @@
+"""A small honest session for the screen's tests: the real state machine, the real arm, no machine.
+
+One `tick` of work is done per snapshot; nothing else moves. The same calls and refusals as the job.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ascrcp.core.errors import RefusedError
+from ascrcp.core.event import Reaction
+from ascrcp.core.flow import Label
+from ascrcp.kinematics import load_arm
+from ascrcp.session import state
+from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot
+from ascrcp.session.state import JobState, Mode, Refusal, Step
+
+SCAN_POSE = np.array([0.0, np.radians(20), 0.5, np.radians(-10), 0.0, 0.5, np.radians(90), np.radians(120)])
+
+
+def make_scene(version: int = 1, points: int = 40_000, seed: int = 0) -> Scene:
+    """Return a round tunnel with an arch, overbreak and a path of six passes."""
+    rng = np.random.default_rng(seed)
+    x, phi = rng.uniform(4.0, 14.0, points), rng.uniform(-0.3, np.pi + 0.3, points)
+    labels = np.full(points, Label.SPRAYED, np.uint8)
+    labels[x > 9.0] = Label.BAY
+    labels[np.abs(x - 10.5) < 0.1] = Label.ARCH
+    labels[(np.abs(x - 11.6) < 0.6) & (np.abs(phi - 2.0) < 0.3)] = Label.OVERBREAK
+    radius = np.where(labels == Label.ARCH, 5.2, 5.5) + rng.normal(0, 0.03, points)
+    wall = np.stack([x, -radius * np.cos(phi), radius * np.sin(phi)], -1).astype(np.float32)
+    angle = np.linspace(0.0, np.pi, 60)
+    station = np.repeat(np.linspace(9.2, 12.0, 6), len(angle))
+    swing = np.concatenate([angle if i % 2 == 0 else angle[::-1] for i in range(6)])
+    path = np.stack([station, -4.3 * np.cos(swing), 4.3 * np.sin(swing)], -1)
+    solved = np.ones(len(path), bool)
+    solved[100:104] = False
+    return Scene(version, wall, labels, path, np.repeat(np.arange(6), len(angle)), solved, None)
+
+
+class Rehearsal:
+    """Answers like the session; a step takes `ticks` snapshots."""
+
+    def __init__(self, ticks: int = 6, *, has_joystick: bool = False, fail: Step | None = None) -> None:
+        self.arm = load_arm("kc")
+        self.job = JobState(has_joystick=has_joystick)
+        self.ticks, self.fail = ticks, fail
+        self.left = 0
+        self.moment = 0
+        self.causes: tuple[str, ...] = ("power_up",)
+        self.estop = False
+        self.stops = 0
+        self.closed = 0
+        self.more: dict[str, object] = {}
+        self.messages: list[Announcement] = []
+        self.drawn = Scene()
+
+    def snapshot(self) -> Snapshot:
+        self.moment += 1
+        self._work()
+        n = len(self.arm.joints)
+        q = SCAN_POSE + (0.002 * self.moment if self.job.active and self.job.active.moves else 0.0)
+        points = len(self.drawn.path)
+        share = 1.0 - self.left / self.ticks if self.job.active else 0.0
+        running = self.job.active is Step.RUN
+        point = int(share * (points - 1)) if running else -1
+        tip = self.arm.forward(q)
+        shown = Snapshot(
+            t_s=0.02 * self.moment,
+            job=self.job,
+            stage=("Working", "正在处理") if self.job.active else ("", ""),
+            progress=share,
+            remaining_s=float(self.left) if self.job.active else float("nan"),
+            announcements=tuple(self.messages[-10:]),
+            reaction=Reaction.PROTECT if self.causes else Reaction.LOG,
+            causes=self.causes,
+            estop=self.estop,
+            q=tuple(q.tolist()),
+            q_target=tuple((q + 0.01).tolist()),
+            drive=(0.25,) * n,
+            age_ms=(8.0,) * n,
+            tip=tuple(tip[:3, 3].tolist()),
+            tip_direction=tuple(tip[:3, 0].tolist()),
+            tip_target=tuple((tip[:3, 3] + 0.01).tolist()),
+            tip_error_mm=17.3,
+            tip_error_deg=0.42,
+            point=point,
+            points=points,
+            reached=max(0, point),
+            skipped=0,
+            spraying=running,
+            oil_temp_c=43.6,
+            lateness=Lateness(0.1, 1.2, 2.7, 0),
+            realtime_factor=20.4,
+            round_dir="rounds/2026-11-02_round_0042",
+        )
+        return replace(shown, **self.more)
+
+    def scene(self) -> Scene:
+        return self.drawn
+
+    def refusal(self, step: Step) -> Refusal | None:
+        return state.refusal(self.job, step)
+
+    def start(self, step: Step) -> None:
+        reason = self.refusal(step)
+        if reason is not None:
+            raise RefusedError(reason.value[0])
+        self.job, self.left = state.start(self.job, step), self.ticks
+
+    def stop(self) -> None:
+        self.stops += 1
+        self.job = state.stop(self.job)
+        self.causes = self.causes or ("operator_stop",)
+
+    def reset(self) -> None:
+        if not self.estop:
+            self.causes, self.job = (), state.reset(self.job)
+
+    def cancel(self) -> None:
+        self.job = state.abandon(self.job)
+        self._announce("Cancelled", "已取消", failure=True)
+
+    def choose_mode(self, mode: Mode) -> None:
+        self.job = state.choose_mode(self.job, mode)
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def _announce(self, en: str, zh: str, failure: bool = False) -> None:
+        self.messages.append(Announcement(len(self.messages) + 1, (en, zh), failure))
+
+    def _work(self) -> None:
+        step = self.job.active
+        if step is None:
+            return
+        self.left -= 1
+        if self.left > 0:
+            return
+        if step is self.fail:
+            self.job = state.abandon(self.job)
+            self._announce("No tunnel in the cloud", "点云中无隧道", failure=True)
+            return
+        if step is Step.RECOGNISE:
+            self.drawn = make_scene(self.drawn.version + 1)
+        self.job = state.finish(self.job)
+        self._announce(f"{step.value} done", f"{step.name} 完成")
