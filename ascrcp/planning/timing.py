@@ -113,7 +113,7 @@ def _spray(
     curve = Stroke(arm, q[stroke], position, direction)
     count = len(stroke) - 1
     nodes = np.interp(np.arange(SUBDIVISION * count + 1) / SUBDIVISION, np.arange(count + 1), curve.knots)
-    speed = _speed_law(arm, curve, nodes, parameters)
+    speed = _speed_law(arm, nodes, curve.solve(nodes), curve.pose(nodes)[0], parameters)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(nodes) / (speed[:-1] + speed[1:]))])
     t, exact = _row_times(times[::SUBDIVISION], parameters.row_s)
     u = _invert(t, times, nodes, speed)
@@ -126,15 +126,27 @@ def _spray(
     return _Rows(t, rows_q, rows_p, rows_d, point, spraying)
 
 
-def _speed_law(arm: Arm, curve: Stroke, nodes: Array, parameters: TimingParameters) -> Array:
+def _speed_law(arm: Arm, nodes: Array, q: Array, position: Array, parameters: TimingParameters) -> Array:
     """Find the fastest path speed at the nodes [m/s] that keeps every limit, at rest at both ends.
 
     The classic two sweeps: the limit curve from speeds and bends, then forward and backward so
-    that no acceleration is exceeded.
+    that no acceleration is exceeded. Rates are those of the joints as they will be driven.
+
+    Args:
+        arm: For its largest speeds and accelerations.
+        nodes: Path lengths [m], shape (m,).
+        q: Joints there, shape (m, joints).
+        position: Nozzle positions there [m], shape (m, 3).
+        parameters: Speeds and shares.
     """
     p = parameters
-    first, second = np.abs(curve.joints(nodes, 1)), np.abs(curve.joints(nodes, 2))
-    place_rate = np.maximum(np.linalg.norm(curve.place(nodes, 1), axis=1), 1e-9)
+    gaps = np.diff(nodes)[:, None]
+    secant = np.diff(q, axis=0) / gaps
+    first = _either_side(np.abs(secant))
+    second = np.zeros_like(q)
+    second[1:-1] = np.abs(np.diff(secant, axis=0)) / ((gaps[1:] + gaps[:-1]) / 2.0)
+    chord = np.linalg.norm(np.diff(position, axis=0), axis=1, keepdims=True) / gaps
+    place_rate = np.maximum(_either_side(chord)[:, 0], 1e-9)
     tiny = 1e-12
     acceleration = p.acceleration_fraction * arm.max_acceleration
     limit = np.minimum.reduce(
@@ -156,6 +168,12 @@ def _speed_law(arm: Arm, curve: Stroke, nodes: Array, parameters: TimingParamete
     for k in range(len(nodes) - 2, -1, -1):
         square[k] = min(square[k], square[k + 1] + gain[k])
     return np.asarray(np.sqrt(square))
+
+
+def _either_side(values: Array) -> Array:
+    """Take at every node the larger of the values of its two intervals, shape (m + 1, k)."""
+    ends = values[:1], values[-1:]
+    return np.maximum(np.concatenate([ends[0], values]), np.concatenate([values, ends[1]]))
 
 
 def _row_times(knot_times: Array, row: float) -> tuple[Array, NDArray[np.int64]]:
