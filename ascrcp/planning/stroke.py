@@ -15,10 +15,10 @@ DAMPING = 1e-3  # keeps the correction finite in a singular pose; placeholder
 class Stroke:
     """Joints and wanted pose between planned points, exact at them.
 
-    Splines alone would let the nozzle stray from the pose by up to 18 mm in bent joint paths (measured on
-    the synthetic heading of the tests), so the joints of rows between points are corrected onto
-    the pose that the planned joints themselves interpolate. What the solver put on top of the
-    planned pose, such as its lift against sag, is kept.
+    Splines alone would let the nozzle stray from the pose by centimetres where the joint path
+    bends, so the joints of rows between points are corrected onto the pose that the planned
+    joints themselves interpolate. What the solver put on top of the planned pose, such as its lift
+    against sag, is kept.
 
     Attributes:
         knots: Path length at the points [m], shape (k,).
