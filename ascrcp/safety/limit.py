@@ -1,11 +1,36 @@
 """Joint limits: who is beyond, and how much drive outward the room left allows (F12, F13)."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from ascrcp.core.errors import ConfigError
 from ascrcp.safety.config import SafetyConfig
+
+
+class LimitedJoint(Protocol):
+    """What an arm says of one joint: range of the sum of joints `limit_sum` [rad or m]."""
+
+    @property
+    def prismatic(self) -> bool:
+        """Whether it slides."""
+        ...
+
+    @property
+    def lower(self) -> float:
+        """Lower end of the range."""
+        ...
+
+    @property
+    def upper(self) -> float:
+        """Upper end of the range."""
+        ...
+
+    @property
+    def limit_sum(self) -> tuple[int, ...]:
+        """Joints whose sum the range limits, numbered from 1."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +73,23 @@ class Limits:
             raise ConfigError(f"limits: {n} joints, but speeds or ranges name others")
         if not all(0.0 < v < math.inf for v in self.max_speed):
             raise ConfigError(f"limits: max_speed {self.max_speed} must be positive and finite")
+
+    @classmethod
+    def of_arm(cls, joints: Sequence["LimitedJoint"], max_speed: Iterable[float]) -> "Limits":
+        """Take the limits over from an arm's joint descriptions, as plain floats.
+
+        Args:
+            joints: Description of each joint; `limit_sum` numbers joints from 1.
+            max_speed: Largest speed of each [rad/s or m/s].
+        """
+        return cls(
+            revolute=tuple(not joint.prismatic for joint in joints),
+            max_speed=tuple(float(v) for v in max_speed),
+            ranges=tuple(
+                Range(tuple(number - 1 for number in j.limit_sum), float(j.lower), float(j.upper))
+                for j in joints
+            ),
+        )
 
     def per_joint(self, deg: float, mm: float) -> tuple[float, ...]:
         """Spread a pair of settings over the joints, in SI: degrees to revolute, mm to prismatic."""
