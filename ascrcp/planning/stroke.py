@@ -44,7 +44,7 @@ class Stroke:
 
     def solve(self, u: Array) -> Array:
         """Return joints at path lengths (m,) [rad, m], within the arm's ranges, shape (m, joints)."""
-        q = self._keep_ranges(np.asarray(self.joints(u)))
+        q = keep_ranges(self._arm, np.asarray(self.joints(u)))
         position, direction = np.asarray(self._reached_place(u)), unit(self._reached_heading(u))
         weight = self._arm.max_speed**2  # least effort, each joint measured by its speed
         for _ in range(CORRECTIONS):
@@ -56,14 +56,14 @@ class Stroke:
             J[:, 3:] = across @ J[:, 3:]
             WJt = weight[:, None] * np.swapaxes(J, 1, 2)
             step = WJt @ np.linalg.solve(J @ WJt + DAMPING**2 * np.eye(6), error[:, :, None])
-            q = self._keep_ranges(q + step[..., 0])
+            q = keep_ranges(self._arm, q + step[..., 0])
         return q
-
-    def _keep_ranges(self, q: Array) -> Array:
-        """Bring joints that a spline or a correction carried past an end back onto it."""
-        arm = self._arm
-        limited = np.clip(q @ arm.limit_matrix.T, arm.limit_lower, arm.limit_upper)
-        return np.asarray(np.linalg.solve(arm.limit_matrix, limited.T).T)
 
     def _spline(self, values: Array) -> PPoly:
         return Akima1DInterpolator(self.knots, values, method="makima")
+
+
+def keep_ranges(arm: Arm, q: Array) -> Array:
+    """Bring joints (..., joints) that were carried past an end of their range back onto it."""
+    limited = np.clip(q @ arm.limit_matrix.T, arm.limit_lower, arm.limit_upper)
+    return np.asarray(limited @ np.linalg.inv(arm.limit_matrix).T)

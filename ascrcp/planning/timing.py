@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from ascrcp.core.errors import InputError, UnreachableError
 from ascrcp.core.flow import JointSequence, SprayPath
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
+from ascrcp.planning.move import plan_move
 from ascrcp.planning.parameter import TimingParameters, check_parameters
 from ascrcp.planning.stroke import Stroke
 
@@ -68,8 +68,8 @@ def time_sequence(
     clock = 0.0
     for number, stroke in enumerate(strokes):
         if number > 0:
-            duration, move = _move(arm, q[strokes[number - 1][-1]], q[stroke[0]], parameters)
-            parts.append(_shift(move, clock))
+            duration, t, joints = plan_move(arm, q[strokes[number - 1][-1]], q[stroke[0]], parameters)
+            parts.append(_shift(_reposition(arm, t, joints), clock))
             clock += duration
         rows = _spray(arm, path, q, stroke, parameters)
         parts.append(_shift(rows, clock))
@@ -101,6 +101,13 @@ def find_strokes(
 
 def _shift(rows: _Rows, clock: float) -> _Rows:
     return _Rows(rows.t + clock, rows.q, rows.position, rows.direction, rows.point, rows.spraying)
+
+
+def _reposition(arm: Arm, t: Array, q: Array) -> _Rows:
+    """Make rows of a joint move: no spray, the pose is what the joints give."""
+    T = arm.forward(q)
+    none = np.full(len(t), -1, dtype=np.int64)
+    return _Rows(t, q, T[:, :3, 3], T[:, :3, 0], none, np.zeros(len(t), dtype=bool))
 
 
 def _spray(
@@ -189,28 +196,3 @@ def _invert(t: Array, times: Array, nodes: Array, speed: Array) -> Array:
     after = t - times[k]
     acceleration = (speed[k + 1] ** 2 - speed[k] ** 2) / (2.0 * (nodes[k + 1] - nodes[k]))
     return np.clip(nodes[k] + speed[k] * after + 0.5 * acceleration * after**2, nodes[k], nodes[k + 1])
-
-
-def _move(arm: Arm, start: Array, end: Array, parameters: TimingParameters) -> tuple[float, _Rows]:
-    """Move from rest to rest along a straight line in joint space, jerk-limited; rows between the ends.
-
-    Only ruckig's offline state-to-state call is used; its waypoints would ask a cloud service.
-    """
-    request = InputParameter(arm.n)
-    request.synchronization = Synchronization.Phase
-    request.current_position, request.target_position = start.tolist(), end.tolist()
-    request.max_velocity = (parameters.move_fraction * arm.max_speed).tolist()
-    request.max_acceleration = (parameters.move_fraction * arm.max_acceleration).tolist()
-    request.max_jerk = (parameters.move_fraction * arm.max_jerk).tolist()
-    trajectory = Trajectory(arm.n)
-    result = Ruckig(arm.n).calculate(request, trajectory)
-    if result not in (Result.Working, Result.Finished):
-        raise UnreachableError(f"no joint move between two strokes: ruckig says {result}")
-    duration = max(float(trajectory.duration), parameters.row_s)
-    count = int(np.ceil(duration / parameters.row_s - 1e-9))
-    t = duration * np.arange(1, count) / count
-    q = np.array([trajectory.at_time(time)[0] for time in t.tolist()]).reshape(-1, arm.n)
-    T = arm.forward(q)
-    return duration, _Rows(
-        t, q, T[:, :3, 3], T[:, :3, 0], np.full(len(t), -1, dtype=np.int64), np.zeros(len(t), dtype=bool)
-    )

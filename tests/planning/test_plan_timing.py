@@ -11,6 +11,7 @@ from ascrcp.core.flow import JointSequence, SprayPath
 from ascrcp.core.geometry import Array, angle_between, rotation, transform
 from ascrcp.kinematics import load_arm
 from ascrcp.planning.dryrun import check_sequence
+from ascrcp.planning.move import DIP_M, plan_move
 from ascrcp.planning.parameter import load_parameters
 from ascrcp.planning.timing import find_strokes, time_sequence
 
@@ -194,3 +195,20 @@ def test_dry_run_refuses_another_arms_sequence() -> None:
 def test_same_input_same_sequence() -> None:
     again = time_sequence(ARM, PATH, Q, NO_BREAK, TIMING)
     assert again.t.tobytes() == SEQUENCE.t.tobytes() and again.q.tobytes() == SEQUENCE.q.tobytes()
+
+
+def test_a_move_does_not_dip_toward_the_floor() -> None:
+    # the roll turns half round at the same height: straight in joint space the nozzle would swing under
+    start = np.radians([20.0, 5.0, 0.0, -5.0, 0.0, 0.0, 30.0, 100.0])
+    end = np.radians([20.0, 5.0, 0.0, -5.0, 0.0, 0.0, 330.0, 100.0])
+    start[[2, 5]] = end[[2, 5]] = 1.0, 0.5
+    height = ARM.forward(np.linspace(start, end, 50))[:, 2, 3]
+    ends = min(height[0], height[-1])
+    assert height.min() < ends - 0.3
+    duration, t, q = plan_move(ARM, start, end, TIMING)
+    z = ARM.forward(q)[:, 2, 3]
+    assert z.min() > ends - DIP_M
+    assert (np.diff(t) > 0).all() and t[0] > 0 and t[-1] < duration
+    assert ARM.within_limits(q, 1e-6).all()
+    rate = np.abs(np.diff(q, axis=0)) / np.diff(t)[:, None]
+    assert (rate <= ARM.max_speed * TIMING.move_fraction * 1.001).all()

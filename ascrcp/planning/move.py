@@ -1,0 +1,90 @@
+"""Joint moves between strokes: from rest to rest, jerk-limited, not dipping toward the floor."""
+
+from itertools import pairwise
+
+import numpy as np
+from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
+
+from ascrcp.core.errors import UnreachableError
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.planning.parameter import TimingParameters
+from ascrcp.planning.stroke import keep_ranges
+
+DIP_M = 0.10  # how far below the lower end of a move its nozzle may come; placeholder
+LIFTS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)  # heights tried for the middle of a move that would dip
+
+
+def plan_move(arm: Arm, start: Array, end: Array, parameters: TimingParameters) -> tuple[float, Array, Array]:
+    """Move in joint space, straight, or over a raised middle where a straight move would dip.
+
+    A nozzle that rolls round beside the floor swings through the lowest point of its circle; the
+    ends of the move were planned clear of the floor, its middle was not.
+
+    Args:
+        arm: For its forward model, Jacobian and limits.
+        start: Joints at rest [rad, m], shape (joints,).
+        end: The same at the end.
+        parameters: Shares of speed, acceleration and jerk; longest time between rows.
+
+    Returns:
+        Duration [s], times of the rows strictly between start and end, their joints (m, joints).
+
+    Raises:
+        UnreachableError: No move with these limits.
+    """
+    lowest_allowed = float(arm.forward(np.stack([start, end]))[:, 2, 3].min()) - DIP_M
+    best = _chain(arm, [start, end], parameters)
+    best_lowest = _lowest(arm, best[2])
+    for lift in LIFTS_M:
+        if best_lowest >= lowest_allowed:
+            break
+        move = _chain(arm, [start, _raised(arm, (start + end) / 2.0, lift), end], parameters)
+        lowest = _lowest(arm, move[2])
+        if lowest > best_lowest:
+            best, best_lowest = move, lowest
+    return best
+
+
+def _raised(arm: Arm, q: Array, lift: float) -> Array:
+    """Raise the nozzle by `lift` [m] with the least effort, each joint measured by its speed."""
+    up = arm.jacobian(q)[2]
+    effort = arm.max_speed**2 * up
+    raised = q + lift * effort / float(up @ effort) if float(up @ effort) > 0.0 else q
+    return keep_ranges(arm, raised)
+
+
+def _lowest(arm: Arm, q: Array) -> float:
+    return float(arm.forward(q)[:, 2, 3].min()) if len(q) else np.inf
+
+
+def _chain(arm: Arm, stops: list[Array], parameters: TimingParameters) -> tuple[float, Array, Array]:
+    """Join straight moves from stop to stop; rows strictly between the first and the last."""
+    clock, times, joints = 0.0, [], []
+    for start, end in pairwise(stops):
+        duration, t, q = _straight(arm, start, end, parameters)
+        times.append(clock + t)
+        joints.append(q)
+        clock += duration
+    return clock, np.concatenate(times)[:-1], np.concatenate(joints)[:-1]
+
+
+def _straight(arm: Arm, start: Array, end: Array, parameters: TimingParameters) -> tuple[float, Array, Array]:
+    """Move along a straight line in joint space; rows after the start up to and with the end.
+
+    Only ruckig's offline state-to-state call is used; its waypoints would ask a cloud service.
+    """
+    request = InputParameter(arm.n)
+    request.synchronization = Synchronization.Phase
+    request.current_position, request.target_position = start.tolist(), end.tolist()
+    request.max_velocity = (parameters.move_fraction * arm.max_speed).tolist()
+    request.max_acceleration = (parameters.move_fraction * arm.max_acceleration).tolist()
+    request.max_jerk = (parameters.move_fraction * arm.max_jerk).tolist()
+    trajectory = Trajectory(arm.n)
+    result = Ruckig(arm.n).calculate(request, trajectory)
+    if result not in (Result.Working, Result.Finished):
+        raise UnreachableError(f"no joint move between two strokes: ruckig says {result}")
+    duration = max(float(trajectory.duration), parameters.row_s)
+    count = int(np.ceil(duration / parameters.row_s - 1e-9))
+    t = duration * np.arange(1, count + 1) / count
+    return duration, t, np.array([trajectory.at_time(time)[0] for time in t.tolist()])
