@@ -163,12 +163,7 @@ class Arm:
         Raises:
             InputError: A bad pose, wrong held joints, or an arm without a closed form.
         """
-        form = self._closed_form
-        if form is None:
-            raise InputError(
-                f"machine {self.name} has no closed-form inverse: its joints match neither the "
-                "shotcrete arm's structure nor the muck arm's"
-            )
+        form = self._form()
         T = check_transform(np.asarray(T, dtype=float))
         if T.ndim not in (2, 3):
             raise InputError(f"poses must have shape (4, 4) or (N, 4, 4), not {T.shape}")
@@ -180,11 +175,37 @@ class Arm:
         q = np.where(valid[..., None], q, np.nan)
         return Solutions(q, valid, valid & self.within_limits(q))
 
+    @property
+    def held(self) -> tuple[int, ...]:
+        """Joints the closed form needs held, from 1; empty also where there is none."""
+        return () if self._closed_form is None else self._closed_form.held
+
+    def candidates(self, T: Array, held: Mapping[int, Any]) -> Array:
+        """Compute closed-form candidates without confirming them, for searches over many.
+
+        Args:
+            T: Poses, shape (N, 4, 4), taken as rigid.
+            held: As for inverse.
+
+        Returns:
+            Joint vectors [rad, m], NaN where not real, shape (N, k, n).
+        """
+        form = self._form()
+        return form.solve(T, self._held(held, form.held, len(T)), None)
+
     def within_limits(self, q: ArrayLike, tolerance: float = LIMIT_TOLERANCE) -> NDArray[np.bool_]:
         """Tell whether joint vectors (..., n) keep every range; NaN never does. Shape (...)."""
         g = np.asarray(q, dtype=float) @ self.limit_matrix.T
         inside = (g >= self.limit_lower - tolerance) & (g <= self.limit_upper + tolerance)
         return np.asarray(inside.all(axis=-1))
+
+    def _form(self) -> ClosedForm:
+        if self._closed_form is None:
+            raise InputError(
+                f"machine {self.name} has no closed-form inverse: its joints match neither the "
+                "shotcrete arm's structure nor the muck arm's"
+            )
+        return self._closed_form
 
     def _walk(self, q: ArrayLike, *, record: bool = False) -> tuple[Walk, tuple[int, ...]]:
         q = self._check(q)

@@ -49,7 +49,7 @@ class Joint(Struct):
     limit_sum: tuple[int, ...] = ()
 
 
-class Revolute(Joint, kw_only=True, tag_field="kind", tag="revolute"):
+class Revolute(Joint, kw_only=True, tag_field="kind", tag="revolute"):  # type: ignore[call-arg]
     """A turning joint, in degrees at this edge."""
 
     range_deg: tuple[float, float]
@@ -58,7 +58,7 @@ class Revolute(Joint, kw_only=True, tag_field="kind", tag="revolute"):
     max_jerk_deg_s3: Positive
 
 
-class Prismatic(Joint, kw_only=True, tag_field="kind", tag="prismatic"):
+class Prismatic(Joint, kw_only=True, tag_field="kind", tag="prismatic"):  # type: ignore[call-arg]
     """A sliding joint, in metres."""
 
     range_m: tuple[float, float]
@@ -104,7 +104,8 @@ class PathModel(Struct):
         margin_fraction: Share of each joint's range kept free at both ends where possible.
         limit_weight: Cost of entering that margin, against travel.
         centre_weight: Cost of leaving the middle of the range, against travel.
-        curvature_weight: Cost of bends of the joints' course, against travel.
+        curvature_weight: Cost of bends of the joints' course [m], against travel.
+        break_cost: Cost of a break in the joints' course, in squared seconds of travel per metre.
         smooth_rounds: Largest number of smoothing rounds.
         nozzle_speed: Speed along a pass the joint steps are judged by [m/s].
         far: Neighbouring points farther apart than this are not sprayed through [m].
@@ -119,7 +120,8 @@ class PathModel(Struct):
     limit_weight: NonNegative
     centre_weight: NonNegative
     curvature_weight: NonNegative
-    smooth_rounds: Annotated[int, Meta(ge=0, le=100)]
+    break_cost: Positive
+    smooth_rounds: Annotated[int, Meta(ge=1, le=100)]
     nozzle_speed: Positive
     far: Positive
     reroll_s: Positive

@@ -1,0 +1,292 @@
+"""Solve a whole path: SprayPath -> PathSolution, every limit kept and no joint jumping.
+
+Candidates over theta1, q5, q6 at key points and the cheapest chain through them settle the
+configuration; smoothing over all points settles the rest; a point that still fails is tried by itself
+from its neighbours, and what fails then says why. Targets are raised by the sag beforehand.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import SprayPath
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.candidate import Grid, find_candidates, find_rolls, make_grid, solve_grid
+from ascrcp.kinematics.description import PathModel
+from ascrcp.kinematics.graph import find_chain
+from ascrcp.kinematics.reason import explain_failure
+from ascrcp.kinematics.sag import compensate
+from ascrcp.kinematics.smooth import Cost, make_cost, own_cost, smooth_chain
+from ascrcp.kinematics.task import compute_error, find_roll, project_task, spray_pose
+
+Progress = Callable[[float], None]
+
+ANCHORS = 24
+"""Key points at which every roll is tried; elsewhere only the rolls that were of use at some anchor."""
+
+TASK_TOLERANCE = 1e-6
+"""Largest miss of a solved point [m, rad]."""
+
+REROLL = np.pi / 2
+"""Step of a turning joint between neighbouring points beyond which it goes round the other way [rad]."""
+
+ALONE_ROUNDS = 12
+"""Rounds for a point that is solved by itself."""
+
+
+@dataclass(frozen=True)
+class PathSolution:
+    """Joints along a path; rows belong to the planned points.
+
+    Attributes:
+        q: Joint vectors [rad, m], NaN where unsolved, shape (n, joints). forward(q) is the planned
+            pose raised by the sag, so that the sagged arm meets the plan.
+        theta1: Free roll chosen [rad], NaN where unsolved, shape (n,).
+        reasons: Why a point is unsolved, None where it is solved.
+        break_before: Whether the arm must stop spraying and reposition before this point: passes
+            far apart, joint 7 rolling round, or the first point; shape (n,).
+    """
+
+    q: Array
+    theta1: Array
+    reasons: tuple[str | None, ...]
+    break_before: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        for array in (self.q, self.theta1, self.break_before):
+            array.flags.writeable = False
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Whether each point is solved, shape (n,)."""
+        return np.isfinite(self.theta1)
+
+
+def solve_path(
+    arm: Arm,
+    path: SprayPath,
+    start_q: ArrayLike,
+    payload_kg: float = 0.0,
+    progress: Progress | None = None,
+) -> PathSolution:
+    """Solve the joints of a whole path.
+
+    Args:
+        arm: An arm with a path model and a closed form that holds joints 5 and 6.
+        path: Planned points, n of them.
+        start_q: Joint vector the arm comes from [rad, m], shape (joints,).
+        payload_kg: Concrete in the hose [kg], for the sag.
+        progress: Called with the share done; may raise CancelledError to stop.
+
+    Raises:
+        InputError: A bad start, an empty path, or an arm that cannot do this.
+    """
+    model = arm.description.path
+    if model is None or arm.held != (5, 6):
+        raise InputError(f"machine {arm.name} has no path model or no closed form for spray paths")
+    start = np.asarray(start_q, dtype=float)
+    if start.shape != (arm.n,) or not np.isfinite(start).all():
+        raise InputError(f"start_q must be finite with shape ({arm.n},), not {start.shape}")
+    if not len(path):
+        raise InputError("the path holds no point")
+    report = progress or _ignore
+    work = _Work(arm, model, make_cost(arm, model), compensate(arm, spray_pose(path), payload_kg), start)
+    report(0.0)
+    distance = _distances(work.T[:, :3, 3], model.far)
+    q = work.start_chain(distance, report)
+    q = work.smooth(q, report, 0.5, 0.75)
+    work.drop_failed(q)
+    work.retry(q, report)
+    q = work.smooth(q, report, 0.85, 0.95)
+    work.drop_failed(q)
+    return work.finish(q, report)
+
+
+def _ignore(_: float) -> None:
+    """Take no notice of progress."""
+
+
+def _distances(position: Array, far: float) -> Array:
+    """Distance from the point before [m], infinite at the first and where farther than far; (n,)."""
+    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
+    return np.concatenate([[np.inf], np.where(step <= far, step, np.inf)])
+
+
+@dataclass
+class _Work:
+    """One path being solved.
+
+    Attributes:
+        arm, model, cost: Machine and weights.
+        T: Targets raised by the sag, theta1 = 0, shape (n, 4, 4).
+        start: Joint vector the arm comes from, shape (joints,).
+    """
+
+    arm: Arm
+    model: PathModel
+    cost: Cost
+    T: Array
+    start: Array
+
+    def start_chain(self, distance: Array, report: Progress) -> Array:
+        """Find a first chain: candidates at key points, the graph, the points between interpolated.
+
+        Returns:
+            Joint vectors, NaN between key points that have no candidate, shape (n, joints).
+        """
+        keys = _find_keys(distance, self.model.key_spacing)
+        grid = make_grid(self.arm, self.model)
+        anchors = keys[np.linspace(0, len(keys) - 1, min(len(keys), ANCHORS)).astype(int)]
+        grid = grid.keep(find_rolls(self.arm, self.T[anchors], grid))
+        report(0.1)
+        layers = self._find_layers(keys, grid, report)
+        usable = np.array([i for i, layer in enumerate(layers) if len(layer)], dtype=np.int64)
+        q = np.full((len(self.T), self.arm.n), np.nan)
+        if not usable.size:
+            return q
+        along = np.cumsum(np.where(np.isfinite(distance), distance, 0.0))
+        cuts = np.cumsum(~np.isfinite(distance))
+        chosen_keys = keys[usable]
+        gaps = np.concatenate([[np.inf], np.maximum(np.diff(along[chosen_keys]), 1e-3)])
+        gaps[1:][np.diff(cuts[chosen_keys]) > 0] = np.inf
+        used = [layers[i] for i in usable]
+        chain = find_chain(
+            used,
+            [own_cost(self.arm, self.cost, layer) * self.model.key_spacing for layer in used],
+            np.sqrt(self.cost.metric),
+            gaps,
+            self.model.break_cost,
+            self.start,
+        )
+        report(0.5)
+        chosen = np.array([layer[c] for layer, c in zip(used, chain, strict=True)])
+        self._fill_between(q, chosen_keys, chosen, usable, along, cuts)
+        return q
+
+    def _find_layers(self, keys: NDArray[np.int64], grid: Grid, report: Progress) -> list[Array]:
+        layers: list[Array] = []
+        for start in range(0, len(keys), 32):
+            layers.extend(find_candidates(self.arm, self.T[keys[start : start + 32]], grid))
+            report(0.1 + 0.3 * min(1.0, (start + 32) / len(keys)))
+        return layers
+
+    def _fill_between(
+        self,
+        q: Array,
+        keys: NDArray[np.int64],
+        chosen: Array,
+        usable: NDArray[np.int64],
+        along: Array,
+        cuts: NDArray[np.int64],
+    ) -> None:
+        """Interpolate between neighbouring keys; across a break each half keeps its own key's joints."""
+        q[keys] = chosen
+        for i in range(len(keys) - 1):
+            a, b = keys[i], keys[i + 1]
+            if b <= a + 1 or usable[i + 1] != usable[i] + 1:
+                continue
+            inner = np.arange(a + 1, b)
+            share = (along[inner] - along[a]) / max(along[b] - along[a], 1e-9)
+            if cuts[a] != cuts[b]:
+                share = (cuts[inner] == cuts[b]).astype(float)
+            elif bool(self._is_reroll(chosen[i], chosen[i + 1])):
+                share = np.round(share)
+            q[inner] = chosen[i] + share[:, None] * (chosen[i + 1] - chosen[i])
+
+    def smooth(self, q: Array, report: Progress, begin: float, end: float) -> Array:
+        """Smooth the chain of solved points; the rest stays NaN."""
+        live = np.flatnonzero(np.isfinite(q[:, 0]))
+        if not live.size:
+            return q
+        rounds = self.model.smooth_rounds
+        smoothed = q.copy()
+        smoothed[live] = smooth_chain(
+            self.arm,
+            self.cost,
+            self.T[live],
+            q[live],
+            self._gaps(q[live], self.T[live]),
+            self.model.curvature_weight,
+            rounds,
+            lambda done: report(begin + (end - begin) * done / rounds),
+        )
+        return smoothed
+
+    def _gaps(self, x: Array, T: Array) -> Array:
+        """Distances along the chain of solved points, infinite where it cannot be continuous."""
+        gaps = _distances(T[:, :3, 3], self.model.far)
+        gaps[1:][self._is_reroll(x[:-1], x[1:])] = np.inf
+        return gaps
+
+    def _is_reroll(self, a: Array, b: Array) -> NDArray[np.bool_]:
+        """Tell where a turning joint goes round instead of along: no smoothing can join these."""
+        step = np.abs(b - a)
+        return np.asarray((step[..., ~self.arm.prismatic] > REROLL).any(axis=-1))
+
+    def drop_failed(self, q: Array) -> None:
+        """Set points that miss their target or break a limit to NaN, in place."""
+        live = np.flatnonzero(np.isfinite(q).all(axis=1))
+        q[~np.isfinite(q).all(axis=1)] = np.nan
+        if not live.size:
+            return
+        miss = compute_error(self.arm, self.T[live], q[live]).size
+        good = (miss <= TASK_TOLERANCE) & self.arm.within_limits(q[live])
+        q[live[~good]] = np.nan
+
+    def retry(self, q: Array, report: Progress) -> None:
+        """Try failed points by themselves, from the nearest solved point on either side, in place."""
+        failed = np.flatnonzero(~np.isfinite(q[:, 0]))
+        for order in (failed, failed[::-1]):
+            step = 1 if order is failed else -1
+            for count, i in enumerate(order):
+                if count % 16 == 0:
+                    report(0.75 + 0.1 * count / max(1, len(order)))
+                neighbour = i - step
+                if np.isfinite(q[i, 0]) or not 0 <= neighbour < len(q) or not np.isfinite(q[neighbour, 0]):
+                    continue
+                q[i] = self._solve_alone(i, q[neighbour])
+
+    def _solve_alone(self, i: int, q: Array) -> Array:
+        T, alone = self.T[i : i + 1], np.array([np.inf])
+        x = smooth_chain(self.arm, self.cost, T, q[None, :], alone, 0.0, ALONE_ROUNDS, lambda _: None)
+        good = compute_error(self.arm, T, x).size[0] <= TASK_TOLERANCE and bool(self.arm.within_limits(x[0]))
+        return x[0] if good else np.full(self.arm.n, np.nan)
+
+    def finish(self, q: Array, report: Progress) -> PathSolution:
+        """Say why points failed, mark the breaks and read theta1 back."""
+        n = len(q)
+        solved = np.isfinite(q[:, 0])
+        reasons: list[str | None] = [None] * n
+        grid = make_grid(self.arm, self.model)
+        for count, i in enumerate(np.flatnonzero(~solved)):
+            if count % 8 == 0:
+                report(0.95)
+            reasons[i] = explain_failure(self.arm, solve_grid(self.arm, self.T[i : i + 1], grid))
+        theta1 = np.full(n, np.nan)
+        theta1[solved] = find_roll(self.T[solved], self.arm.forward(q[solved]))
+        breaks = np.zeros(n, dtype=bool)
+        live = np.flatnonzero(solved)
+        gaps = _distances(self.T[live, :3, 3], self.model.far)
+        needed = (np.abs(np.diff(q[live], axis=0)) / self.arm.max_speed).max(axis=1, initial=0.0)
+        gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + self.model.reroll_s] = np.inf
+        breaks[live] = ~np.isfinite(gaps)
+        report(1.0)
+        return PathSolution(q, theta1, tuple(reasons), breaks)
+
+
+def _find_keys(distance: Array, spacing: float) -> NDArray[np.int64]:
+    """Pick key points: the ends of every uncut stretch and one per spacing between; rising (k,)."""
+    n = len(distance)
+    keys, since = [0], 0.0
+    for i in range(1, n):
+        cut = not np.isfinite(distance[i])
+        since += 0.0 if cut else float(distance[i])
+        next_cut = i == n - 1 or not np.isfinite(distance[i + 1])
+        if cut or next_cut or since >= spacing:
+            keys.append(i)
+            since = 0.0
+    return np.array(keys, dtype=np.int64)

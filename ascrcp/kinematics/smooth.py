@@ -1,0 +1,215 @@
+"""Smooth a chain of joint vectors: Gauss-Newton over the whole path, targets and limits kept.
+
+The three redundant coordinates are not used as unknowns: at the crown the nozzle's tilt axis turns
+parallel to the pitch axes, where the closed form folds over. All joints are unknown instead, the task
+enters as stiff terms, and every joint couples only with itself at its two neighbours on each side,
+so that one round is one banded solution.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.description import PathModel
+from ascrcp.kinematics.task import compute_error, project_task
+
+TASK_STIFFNESS = 1e8
+"""Weight of a squared miss [1/m^2, 1/rad^2] against squared travel: leaves micrometres."""
+
+HARD_LIMIT = 1e4
+"""How much dearer than the margin a joint beyond its limit is."""
+
+FIRST_DAMPING = 1.0
+"""Damping of the first round [1/m]: small against 1 / distance."""
+
+GAIN = 1e-4
+"""Relative gain of a round at which smoothing ends."""
+
+NEAREST = 0.05
+"""Distances between points count as at least this [m]: table rows may coincide."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the chain is to minimise, in units of squared seconds of weighted travel.
+
+    Attributes:
+        metric: Squared travel time per squared unit of each joint [s^2/rad^2, s^2/m^2], (joints,).
+        middle: Middle of the limited quantities [rad, m], (joints,).
+        half: Half their ranges less the margin, (joints,).
+        limit_half: Half their ranges, (joints,).
+        centre: Weight of leaving the middle, per squared half range, (joints,).
+        limit: Weight of entering the margin, per squared half range, (joints,).
+    """
+
+    metric: Array
+    middle: Array
+    half: Array
+    limit_half: Array
+    centre: Array
+    limit: Array
+
+
+def make_cost(arm: Arm, model: PathModel) -> Cost:
+    """Take the weights of a machine."""
+    half = (arm.limit_upper - arm.limit_lower) / 2
+    scale = (arm.travel_weight / arm.max_speed * half) ** 2
+    return Cost(
+        metric=(arm.travel_weight / arm.max_speed) ** 2,
+        middle=(arm.limit_upper + arm.limit_lower) / 2,
+        half=half * (1.0 - 2.0 * model.margin_fraction),
+        limit_half=half,
+        centre=model.centre_weight * scale / half**2,
+        limit=model.limit_weight * scale / half**2,
+    )
+
+
+def own_cost(arm: Arm, cost: Cost, q: Array) -> Array:
+    """Cost of joint vectors (..., joints) by themselves: off the middle, in the margin; (...)."""
+    off = q @ arm.limit_matrix.T - cost.middle
+    over = np.maximum(np.abs(off) - cost.half, 0.0)
+    return (cost.centre * off**2 + cost.limit * over**2).sum(axis=-1)
+
+
+def smooth_round(
+    arm: Arm, cost: Cost, T: Array, q: Array, distance: Array, curvature: float, damping: float
+) -> Array:
+    """Do one Gauss-Newton round.
+
+    Args:
+        arm: The arm.
+        cost: Weights.
+        T: Targets (roll free), shape (n, 4, 4).
+        q: Joint vectors, shape (n, joints).
+        distance: Distance from the point before [m], infinite where the chain is cut, shape (n,).
+        curvature: Weight of the squared second difference by distance [m].
+        damping: Weight of the change itself, against staying [1/m].
+
+    Returns:
+        Better joint vectors, shape (n, joints).
+    """
+    n, joints = q.shape
+    error = compute_error(arm, T, q)
+    Jt = np.swapaxes(error.jacobian, 1, 2)
+    blocks = TASK_STIFFNESS * (Jt @ error.jacobian)
+    gradient = TASK_STIFFNESS * (Jt @ error.residual[..., None])[..., 0]
+    limit_blocks, limit_gradient = _limit_terms(arm, cost, q)
+    blocks += limit_blocks
+    gradient += limit_gradient
+    pull, first, second = _difference_terms(q, distance, curvature)
+    gradient += cost.metric * pull[1]
+    idx = np.arange(joints)
+    blocks[:, idx, idx] += cost.metric * (pull[0] + damping)
+    band = np.zeros((2 * joints + 1, n * joints))
+    for k in range(joints):  # within a point: upper diagonal form, row u + i - j
+        for j in range(k, joints):
+            band[2 * joints - (j - k), j::joints] = blocks[:, k, j]
+    band[joints, joints:] = (first[1:, None] * cost.metric).reshape(-1)
+    band[0, 2 * joints :] = (second[2:, None] * cost.metric).reshape(-1)
+    step = solveh_banded(band, gradient.reshape(-1), overwrite_ab=True, check_finite=False)
+    return q - step.reshape(n, joints)
+
+
+def total_cost(arm: Arm, cost: Cost, q: Array, distance: Array, curvature: float) -> float:
+    """Compute what smoothing minimises over the chain q (n, joints); limits included, task not."""
+    product = _difference_terms(q, distance, curvature)[0][1]
+    off = q @ arm.limit_matrix.T - cost.middle
+    beyond = np.maximum(np.abs(off) - cost.limit_half, 0.0)
+    hard = HARD_LIMIT * (cost.limit * beyond**2).sum()
+    return float((cost.metric * q * product).sum() + own_cost(arm, cost, q).sum() + hard)
+
+
+def smooth_chain(
+    arm: Arm,
+    cost: Cost,
+    T: Array,
+    q: Array,
+    distance: Array,
+    curvature: float,
+    rounds: int,
+    report: Callable[[int], None],
+) -> Array:
+    """Smooth a chain until it gains no more: Levenberg's damping around `smooth_round`.
+
+    A round that does not lower the total cost is thrown away and the damping raised.
+
+    Args:
+        arm: The arm.
+        cost: Weights.
+        T: Targets, shape (n, 4, 4).
+        q: Joint vectors, shape (n, joints).
+        distance: Distance from the point before [m], infinite at a cut, shape (n,).
+        curvature: Weight of the squared second difference [m].
+        rounds: Largest number of rounds.
+        report: Called with the number of rounds done; may raise to stop.
+
+    Returns:
+        Joint vectors on their targets, shape (n, joints).
+    """
+    q = project_task(arm, T, q, cost.metric)
+    best, damping = total_cost(arm, cost, q, distance, curvature), FIRST_DAMPING
+    for done in range(1, rounds + 1):
+        trial = smooth_round(arm, cost, T, q, distance, curvature, damping)
+        trial = project_task(arm, T, trial, cost.metric, rounds=2)
+        reached = total_cost(arm, cost, trial, distance, curvature)
+        report(done)
+        if not reached < best:
+            damping *= 8.0
+            continue
+        gain, best, q = best - reached, reached, trial
+        damping /= 4.0
+        if gain < GAIN * best:
+            break
+    return q
+
+
+def _limit_terms(arm: Arm, cost: Cost, q: Array) -> tuple[Array, Array]:
+    """Pull to the middle and push out of the margins, on the limited quantities."""
+    off = q @ arm.limit_matrix.T - cost.middle
+    size = np.abs(off)
+    soft = np.where(size > cost.half, cost.limit, 0.0)
+    hard = np.where(size > cost.limit_half, HARD_LIMIT * cost.limit, 0.0)
+    weight = cost.centre + soft + hard
+    slope = cost.centre * off + np.sign(off) * (soft * (size - cost.half) + hard * (size - cost.limit_half))
+    L = arm.limit_matrix
+    return np.einsum("ki,nk,kj->nij", L, weight, L), slope @ L
+
+
+def _difference_terms(
+    q: Array, distance: Array, curvature: float
+) -> tuple[tuple[Array, Array], Array, Array]:
+    """Assemble squared first and second differences by distance, a scalar matrix for all joints.
+
+    Returns:
+        (diagonal (n, 1), matrix times q (n, joints)), first off-diagonal (n,), second (n,); entry i
+        of an off-diagonal couples point i with i - 1 or i - 2.
+    """
+    n = len(q)
+    d = np.maximum(distance, NEAREST)
+    w = np.where(np.isfinite(d), 1.0 / d, 0.0)
+    w[0] = 0.0
+    diagonal, first, second = np.zeros(n), np.zeros(n), np.zeros(n)
+    diagonal += w
+    diagonal[:-1] += w[1:]
+    first[1:] -= w[1:]
+    # second difference at i: w[i+1] (q[i+1] - q[i]) - w[i] (q[i] - q[i-1]), none across a cut
+    whole = curvature * ((w[1:-1] > 0.0) & (w[2:] > 0.0)) if n > 2 else np.zeros(0)
+    if n > 2:
+        a, c = w[1:-1], w[2:]
+        b = -(a + c)
+        diagonal[:-2] += whole * a * a
+        diagonal[1:-1] += whole * b * b
+        diagonal[2:] += whole * c * c
+        first[1:-1] += whole * a * b
+        first[2:] += whole * b * c
+        second[2:] += whole * a * c
+    product = diagonal[:, None] * q
+    product[1:] += first[1:, None] * q[:-1]
+    product[:-1] += first[1:, None] * q[1:]
+    product[2:] += second[2:, None] * q[:-2]
+    product[:-2] += second[2:, None] * q[2:]
+    return (diagonal[:, None], product), first, second
