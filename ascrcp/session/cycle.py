@@ -1,7 +1,9 @@
 """One control cycle: read the machine, follow the target, pass the gate, write the machine.
 
-The body of the 20 ms control thread. It never waits and never writes to disk; orders from other
-threads are applied at the beginning of a cycle, in their order, so that a run can be replayed.
+The body of the 20 ms control thread. It never waits and never writes to disk. Orders from other
+threads are applied at the beginning of a cycle, in their order. What starts something waits until
+the driver admits it: in lockstep only when everything has come to rest, so that the cycle at which
+it starts depends on nothing but the job.
 """
 
 import math
@@ -19,7 +21,13 @@ from ascrcp.safety.gate import Gate, Verdict
 
 
 class Link(Protocol):
-    """The machine as the cycle sees it: devices.MachineLink on any bus."""
+    """The machine as the cycle sees it: devices.MachineLink on any bus.
+
+    `received` and `sent` hold (identifier, data) of the last cycle's frames, for the log.
+    """
+
+    received: list[tuple[int, bytes]]
+    sent: list[tuple[int, bytes]]
 
     def receive(self, now_ns: int) -> MachineInputs:
         """Drain the bus and return the newest view."""
@@ -40,6 +48,7 @@ class CycleOutput:
         track: What the tracker wanted.
         verdict: What the gate let through.
         tip: Measured nozzle pose (4, 4), None while a joint is unknown.
+        orders: Orders taken at the beginning of this cycle, for the log.
         motion: How many follow orders have been taken so far: tells one motion from the next.
         truth: The rig's true nozzle pose (4, 4), None on a machine. Recorded, never used to control.
     """
@@ -49,6 +58,7 @@ class CycleOutput:
     track: TrackerOutput
     verdict: Verdict
     tip: Array | None
+    orders: tuple[tuple[str, Any], ...]
     motion: int
     truth: Array | None
 
@@ -70,6 +80,7 @@ class Cycle:
         self._tip = tip
         self._truth = truth
         self._orders: deque[tuple[str, Any]] = deque()
+        self._waiting: deque[Callable[[], None]] = deque()
         self._pan_target: float | None = None
         self._stop_pressed = False
         self._motion = self._ordered = 0
@@ -78,7 +89,7 @@ class Cycle:
     def follow(self, sequence: JointSequence, from_s: float = 0.0) -> int:
         """Order: follow a sequence from one of its instants; return the motion's number."""
         self._ordered += 1
-        self._orders.append(("follow", (sequence, from_s)))
+        self._waiting.append(lambda: self._orders.append(("follow", (sequence, from_s))))
         return self._ordered
 
     def hold(self) -> None:
@@ -91,7 +102,22 @@ class Cycle:
 
     def press_reset(self) -> None:
         """Order: one rising edge of reset."""
-        self._orders.append(("reset", None))
+        self._waiting.append(lambda: self._orders.append(("reset", None)))
+
+    def begin(self, action: Callable[[], None]) -> None:
+        """Order: call something when the driver next admits new work."""
+        self._waiting.append(action)
+
+    def order(self, kind: str, value: Any) -> None:
+        """Order anything for the next cycle, as a run log tells it."""
+        self._orders.append((kind, value))
+
+    def admit(self) -> bool:
+        """Let waiting orders in; return whether there were any."""
+        admitted = bool(self._waiting)
+        while self._waiting:
+            self._waiting.popleft()()
+        return admitted
 
     def point_pan(self, angle: float | None) -> None:
         """Order: pan head set-point [rad]."""
@@ -99,7 +125,8 @@ class Cycle:
 
     def step(self, now_ns: int) -> CycleOutput:
         """Run one cycle; `now_ns` is the instant it really began: the gate judges lateness by it."""
-        reset, start = self._apply_orders()
+        orders = tuple(self._orders)
+        reset, start = self._apply_orders(orders)
         inputs = self._link.receive(now_ns)
         track = self._tracker.update(inputs)
         request = replace(track.command, pan_target=self._pan_target)
@@ -118,11 +145,11 @@ class Cycle:
         self._was_reaction = verdict.reaction
         tip = self._tip(inputs.q) if all(map(math.isfinite, inputs.q)) else None
         truth = self._truth() if self._truth is not None else None
-        return CycleOutput(now_ns, inputs, track, verdict, tip, self._motion, truth)
+        return CycleOutput(now_ns, inputs, track, verdict, tip, orders, self._motion, truth)
 
-    def _apply_orders(self) -> tuple[bool, bool]:
+    def _apply_orders(self, orders: tuple[tuple[str, Any], ...]) -> tuple[bool, bool]:
         reset = start = False
-        while self._orders:
+        for _ in orders:
             kind, value = self._orders.popleft()
             if kind == "follow":
                 self._tracker.follow(*value)
@@ -140,6 +167,11 @@ class Cycle:
         return reset, start
 
     @property
+    def motions(self) -> int:
+        """How many follow orders have been given so far."""
+        return self._ordered
+
+    @property
     def has_orders(self) -> bool:
-        """Whether an order waits for the next cycle."""
-        return bool(self._orders)
+        """Whether an order waits."""
+        return bool(self._orders or self._waiting)

@@ -91,6 +91,7 @@ class RealTimeDriver:
             clock.sleep_until(deadline)
             now = clock.now_ns()
             self.meter.add(now - deadline)
+            self._cycle.admit()
             self._listener(self._cycle.step(now))
             deadline += CYCLE_NS
             behind = clock.now_ns() - deadline
@@ -129,7 +130,6 @@ class LockstepDriver:
 
     def start(self) -> None:
         """Start turning; the first cycles let every sensor be heard."""
-        self._wake.set()
         self._thread.start()
 
     def wake(self) -> None:
@@ -137,18 +137,22 @@ class LockstepDriver:
         self._wake.set()
 
     def _turn(self) -> None:
+        self._run(GRACE_CYCLES)
         while not self._stop.is_set():
             self._wake.wait()
             self._wake.clear()
-            grace = GRACE_CYCLES
-            while grace > 0 and not self._stop.is_set():
-                if self._cycle.has_orders:
-                    grace = GRACE_CYCLES
-                self.clock.sleep_until(self.clock.now_ns() + CYCLE_NS)
-                now = self.clock.now_ns()
-                self._plant.step(now)
-                going = self._listener(self._cycle.step(now))
-                grace = GRACE_CYCLES if going else grace - 1
+            while self._cycle.has_orders and not self._stop.is_set():
+                self._cycle.admit()
+                self._run(GRACE_CYCLES)
+
+    def _run(self, grace: int) -> None:
+        """Turn until nothing has gone on for `grace` cycles."""
+        quiet = 0
+        while quiet < grace and not self._stop.is_set():
+            self.clock.sleep_until(self.clock.now_ns() + CYCLE_NS)
+            now = self.clock.now_ns()
+            self._plant.step(now)
+            quiet = 0 if self._listener(self._cycle.step(now)) else quiet + 1
 
     def close(self) -> None:
         """Stop the thread."""

@@ -14,6 +14,7 @@ import msgspec
 from mcap.writer import CompressionType, Writer
 
 from ascrcp.session.journal import Entry, Journal
+from ascrcp.session.order import encode_order
 
 CHUNK_BYTES = 16 * 1024  # faults, trap 8
 
@@ -33,6 +34,8 @@ _SCHEMAS: dict[str, dict[str, Any]] = {
 }
 CAN_TOPIC = "/can"
 """One message a cycle: see `encode_frames`."""
+ORDER_TOPIC = "/order"
+"""Orders taken in the cycle whose frames follow: see order.py."""
 
 
 class Message(NamedTuple):
@@ -72,7 +75,8 @@ class Recorder:
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library="ascrcp")
         self._channels = {topic: self._register(topic, schema) for topic, schema in _SCHEMAS.items()}
-        self._channels[CAN_TOPIC] = self._writer.register_channel(CAN_TOPIC, "x-ascrcp-can", 0)
+        for topic, encoding in ((CAN_TOPIC, "x-ascrcp-can"), (ORDER_TOPIC, "x-ascrcp-order")):
+            self._channels[topic] = self._writer.register_channel(topic, encoding, 0)
         self._thread = threading.Thread(target=self._work, name="ascrcp-recorder", daemon=True)
         self.failed: str | None = None
         self._thread.start()
@@ -104,7 +108,10 @@ class Recorder:
         topic, t_ns, content = message
         if topic == "/event":
             self._journal.append(Entry(t_ns / 1e9, content["kind"], content["code"], content["detail"]))
-        data = content if isinstance(content, bytes) else msgspec.json.encode(content)
+        if topic == ORDER_TOPIC:
+            data = encode_order(*content)
+        else:
+            data = content if isinstance(content, bytes) else msgspec.json.encode(content)
         self._writer.add_message(self._channels[topic], t_ns, data, t_ns)
 
     def close(self) -> None:

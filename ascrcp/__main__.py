@@ -1,0 +1,44 @@
+"""Front door: `ascrcp` opens the application, `ascrcp COMMAND` runs one stage."""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from ascrcp.cli import command, parser
+from ascrcp.cli.output import Output, guarded
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the platform.
+
+    Args:
+        arguments: Command line without the program's name; the process's own if None.
+
+    Returns:
+        Exit code: 0 ok, 1 failed, 2 bad input.
+    """
+    options = parser.build_parser().parse_args(arguments)
+    output = Output(json=options.json)
+    return guarded(output, lambda: _run(options, output))
+
+
+def _run(options: parser.Options, output: Output) -> int:
+    if options.command is not None:
+        return command.COMMANDS[options.command](options, output)
+    has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    offscreen = options.offscreen or (sys.platform.startswith("linux") and not has_display)
+    if offscreen and not options.offscreen:
+        output.say("no display: the whole automatic job runs headless (--offscreen)")
+    from ascrcp.hmi import application  # Qt only for who asks for the screen
+
+    session = command.open_session(options, lockstep=offscreen)
+    if not offscreen:
+        return application.run(session, offscreen=False, pictures=options.pictures, auto=False)
+    pictures = options.pictures or session.round.pictures
+    with output.progress(session) as tell:
+        code = application.run(session, offscreen=True, pictures=pictures, auto=True, tell=tell)
+    return command.finish_job(session, output, code)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

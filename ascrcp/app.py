@@ -1,0 +1,227 @@
+"""The composition root: configuration -> real devices or simulated rig -> session."""
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ascrcp import __version__
+from ascrcp.control.config import load_control_config
+from ascrcp.control.tracker import Tracker
+from ascrcp.core.config import convert, load, merge, read_yaml
+from ascrcp.core.errors import ConfigError, InputError
+from ascrcp.core.paths import CONFIG
+from ascrcp.core.profile import Profile, load_profile
+from ascrcp.devices.bus import Bus
+from ascrcp.devices.codec import Codec
+from ascrcp.devices.lidar import Lidar, LidarDeviceConfig, SickLidar
+from ascrcp.devices.machine_link import DBC, CanConfig, MachineLink, load_can_config
+from ascrcp.kinematics.arm import Arm, load_arm
+from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.planning.parameter import load_parameters as load_planning
+from ascrcp.safety.config import SafetyConfig
+from ascrcp.safety.gate import Gate
+from ascrcp.safety.limit import Limits
+from ascrcp.session.cycle import Cycle
+from ascrcp.session.replay import ReplayBus
+from ascrcp.session.round import Round
+from ascrcp.session.session import Session
+from ascrcp.session.setup import Setup
+from ascrcp.session.store import write_json
+from ascrcp.simulation.heading import build_heading
+from ascrcp.simulation.lidar import LidarServer
+from ascrcp.simulation.lidar_model import LidarConfig
+from ascrcp.simulation.rig import FOLDER, Rig, RigConfig
+from ascrcp.simulation.tunnel import TunnelConfig
+
+RIG_KEYS = ("arm", "bus", "tunnel", "lidar")
+
+
+@dataclass(frozen=True)
+class Options:
+    """What a front door may choose (design.md section 9).
+
+    Attributes:
+        machine: Name of an arm in config/machines, or a YAML.
+        rig: File laid over the simulation's parameters.
+        seed: Seed of everything random.
+        load_kg: Concrete in the hose [kg].
+        cloud: A cloud in place of the scan.
+        profile: Design profile; the simulated tunnel's own if None.
+        lockstep: Virtual time.
+    """
+
+    machine: str = "kc"
+    rig: Path | None = None
+    seed: int = 1
+    load_kg: float = 0.0
+    cloud: Path | None = None
+    profile: Path | None = None
+    lockstep: bool = True
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """Every parameter of the simulated site, checked."""
+
+    rig: RigConfig
+    tunnel: TunnelConfig
+    lidar: LidarConfig
+
+
+def load_simulation(overlay: Path | None) -> Simulation:
+    """Read config/simulation/*.yaml with an overlay file.
+
+    Raises:
+        ConfigError: An unknown key or a value outside its range.
+    """
+    tree = {name: read_yaml(FOLDER / f"{name}.yaml") for name in RIG_KEYS}
+    where = "simulation"
+    if overlay is not None:
+        laid = read_yaml(overlay)
+        where = str(overlay)
+        if not isinstance(laid, dict) or not set(laid) <= set(RIG_KEYS):
+            raise ConfigError(f"{overlay}: top-level keys allowed are {', '.join(RIG_KEYS)}")
+        tree = merge(tree, laid)
+    return Simulation(
+        rig=convert({"arm": tree["arm"], "bus": tree["bus"]}, RigConfig, where),
+        tunnel=convert(tree["tunnel"], TunnelConfig, f"{where}: tunnel"),
+        lidar=convert(tree["lidar"], LidarConfig, f"{where}: lidar"),
+    )
+
+
+class Site:
+    """The simulated machine in its heading: what the session calls the plant."""
+
+    def __init__(self, rig: Rig, lidar: LidarServer | None) -> None:
+        self._rig = rig
+        self._lidar = lidar
+
+    def step(self, now_ns: int) -> None:
+        """Advance the rig by one cycle and carry the lidar along."""
+        self._rig.step(now_ns)
+        if self._lidar is not None:
+            self._lidar.set_pose(self._rig.T_base_mount(), self._rig.pan)
+
+
+def find_profile(options: Options, tunnel: TunnelConfig) -> Profile:
+    """Return the design profile asked for, or the simulated tunnel's own."""
+    if options.profile is not None:
+        return load_profile(options.profile)
+    named = CONFIG / "profiles" / f"{tunnel.profile}.yaml"
+    return load_profile(named if named.exists() else Path(tunnel.profile))
+
+
+def open_session(options: Options, round_: Round) -> Session:
+    """Put a session together on the simulated rig.
+
+    Raises:
+        InputError: Bad configuration or options; nothing has been started then.
+    """
+    if options.cloud is not None and not options.cloud.is_file():
+        raise InputError(f"{options.cloud}: no such file")
+    arm = load_arm(options.machine)
+    simulation = load_simulation(options.rig)
+    profile = find_profile(options, simulation.tunnel)
+    can = load_can_config()
+    control = load_control_config()
+    device = load(CONFIG / "devices" / "lidar.yaml", LidarDeviceConfig)
+    perception, planning = load_perception(), load_planning()
+    gate, tracker = _gate(arm), Tracker(arm, control)
+    codec = Codec(DBC)
+    machine, rig, close_bus = _open_rig(arm, can, codec, simulation.rig, options)
+    server = None
+    if options.cloud is None:
+        heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
+        write_json(round_.folder / "truth.json", heading.to_dict())
+        server = LidarServer(simulation.lidar, heading, options.seed)
+    lidar: Lidar = SickLidar(server.host, server.port, device.timeout_s) if server else _NoLidar()
+
+    def close() -> None:
+        lidar.close()
+        if server is not None:
+            server.close()
+        close_bus()
+
+    return Session(
+        Setup(
+            arm=arm,
+            machine=options.machine,
+            link=machine,
+            tracker=tracker,
+            gate=gate,
+            lidar=lidar,
+            sweep=device.sweep,
+            profile=profile,
+            perception=perception,
+            planning=planning,
+            control=control,
+            payload_kg=options.load_kg,
+            cloud=options.cloud,
+            plant=Site(rig, server),
+            truth=rig.true_nozzle,
+            lockstep=options.lockstep,
+            manifest=_manifest(options, profile),
+            close=close,
+        ),
+        round_,
+    )
+
+
+def open_replay(round_: Round, bus: ReplayBus) -> Cycle:
+    """Put a fresh control cycle together as the round's was, on recorded frames."""
+    arm = load_arm(str(round_.manifest().get("machine", "kc")))
+    can = load_can_config()
+    link = MachineLink(bus, Codec(DBC), can, joints=arm.n)
+    return Cycle(link, Tracker(arm, load_control_config()), _gate(arm), arm.forward)
+
+
+def _gate(arm: Arm) -> Gate:
+    limits = Limits.of_arm(arm.joints, arm.max_speed.tolist())
+    return Gate(limits, load(CONFIG / "safety.yaml", SafetyConfig))
+
+
+def _open_rig(
+    arm: Arm, can: CanConfig, codec: Codec, config: RigConfig, options: Options
+) -> tuple[MachineLink, Rig, Callable[[], None]]:
+    if can.bus.interface != "virtual":
+        raise ConfigError("config/devices/can.yaml: the simulated rig needs bus interface virtual (fault F44)")
+    channel = f"{can.bus.channel}-{os.getpid()}-{id(options)}"
+    ours, theirs = Bus(can.bus, channel), Bus(can.bus, channel)
+    rig = Rig(config, arm, theirs, seed=options.seed, load_kg=options.load_kg, codec=codec)
+
+    def close() -> None:
+        ours.close()
+        theirs.close()
+
+    return MachineLink(ours, codec, can, joints=arm.n), rig, close
+
+
+def _manifest(options: Options, profile: Profile) -> dict[str, Any]:
+    return {
+        "version": __version__,
+        "simulated": True,
+        "machine": options.machine,
+        "profile": profile.name,
+        "seed": options.seed,
+        "load_kg": options.load_kg,
+        "rig": str(options.rig) if options.rig else None,
+        "cloud": str(options.cloud) if options.cloud else None,
+    }
+
+
+class _NoLidar:
+    """Stands where a scan is replaced by a cloud file: nobody may scan."""
+
+    def open(self) -> None:
+        raise InputError("this session works on a cloud file and has no lidar")
+
+    def read_line(self) -> Any:
+        raise InputError("this session works on a cloud file and has no lidar")
+
+    def close(self) -> None:
+        """Nothing is open."""
+

@@ -1,0 +1,1 @@
+"""The command line: every stage of the job one by one, JSON for scripts (design.md section 9)."""

@@ -1,0 +1,221 @@
+"""The stages of the job as commands: options -> files in the round folder and one JSON object."""
+
+import contextlib
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from ascrcp.app import Options as AppOptions
+from ascrcp.app import find_profile, load_simulation, open_replay
+from ascrcp.app import open_session as open_app_session
+from ascrcp.cli.arm import forward, inverse, machines
+from ascrcp.cli.bench import bench
+from ascrcp.cli.doctor import doctor
+from ascrcp.cli.output import FAILED, OK, Output
+from ascrcp.cli.parser import Options
+from ascrcp.cli.table import result_table
+from ascrcp.core.errors import AscrcpError, InputError
+from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.planning.parameter import load_parameters as load_planning
+from ascrcp.session import stages
+from ascrcp.session.job import scan_heading
+from ascrcp.session.replay import replay as replay_round
+from ascrcp.session.report import build_report
+from ascrcp.session.round import Round, open_round
+from ascrcp.session.session import Session
+from ascrcp.session.state import Step
+from ascrcp.session.store import read_json
+
+ROUNDS = Path("rounds")
+RESET_WAIT_S = 10.0
+
+
+def app_options(options: Options, lockstep: bool) -> AppOptions:
+    """Pick what the composition root needs from the command line."""
+    return AppOptions(
+        machine=options.machine,
+        rig=options.rig,
+        seed=options.seed,
+        load_kg=options.load_kg,
+        cloud=options.cloud,
+        profile=options.profile,
+        lockstep=lockstep,
+    )
+
+
+def open_session(options: Options, lockstep: bool) -> Session:
+    """Open a session on the rig with its round folder."""
+    lockstep = lockstep and not getattr(options, "realtime", False)
+    chosen = app_options(options, lockstep)
+    load_simulation(chosen.rig)  # refuse bad options before a folder is made
+    if chosen.cloud is not None and not chosen.cloud.is_file():
+        raise InputError(f"{chosen.cloud}: no such file")
+    return open_app_session(chosen, open_round(options.round, ROUNDS))
+
+
+@contextlib.contextmanager
+def _session(options: Options, output: Output) -> Iterator[Session]:
+    session = open_session(options, lockstep=True)
+    try:
+        with output.progress(session):
+            yield session
+    finally:
+        session.close()
+
+
+def _do(session: Session, step: Step) -> None:
+    """Run one step to its end.
+
+    Raises:
+        AscrcpError: It did not succeed; the message is the last announcement.
+    """
+    session.start(step)
+    session.wait()
+    if step not in session.snapshot().job.done:
+        raise AscrcpError(session.snapshot().announcements[-1].text[0])
+
+
+def scan(options: Options, output: Output) -> int:
+    """Zero the joints and scan the heading."""
+    with _session(options, output) as session:
+        session.reset_and_wait(RESET_WAIT_S)
+        _do(session, Step.ZERO)
+        with session.stopwatch("scan"):
+            scan_heading(session.desk)
+        place = session.round.scan
+        timing = session.desk.timing_s("scan")
+    output.result(
+        {"ok": True, "round": str(place.parent), "scan": str(place), "timing_s": {"scan": timing}},
+        f"scan: {place} ({timing:.1f} s of machine time)",
+    )
+    return OK
+
+
+def recognise(options: Options, output: Output) -> int:
+    """Cloud or scan -> features.json and the labelled cloud."""
+    given = options.input or options.cloud
+    target = options.out or options.round
+    if target is None:
+        raise InputError("recognise needs --out DIR or --round DIR")
+    if given is None and options.round is None:
+        raise InputError("recognise needs a CLOUD file, or --round DIR with a scan")
+    if target.exists() and not target.is_dir():
+        raise InputError(f"{target}: not a folder")
+    profile = find_profile(app_options(options, True), load_simulation(options.rig).tunnel)
+    surface = stages.recognise(
+        target, given, options.machine, profile, load_perception(), progress=output.bar("recognise")
+    )
+    round_ = Round(target)
+    features = read_json(round_.features)
+    lines = [f"axis sigma {surface.axis.direction_sigma_deg:.3f} deg from {', '.join(surface.axis.evidence)}"]
+    lines += [f"arch at {a.station:.3f} m, lean {a.lean_deg:+.2f} deg" for a in surface.arches]
+    lines += [
+        f"overbreak {o.station[0]:.2f}..{o.station[1]:.2f} m, {o.angle_deg[0]:.0f}..{o.angle_deg[1]:.0f} deg: "
+        f"{o.volume_m3:.3f} m3, {o.max_depth_m:.2f} m deep"
+        for o in surface.overbreak
+    ]
+    output.result({"ok": True, "out": str(target), **features}, "\n".join([*lines, f"-> {round_.features}"]))
+    return OK
+
+
+def plan(options: Options, output: Output) -> int:
+    """Recognised round -> path.csv."""
+    path = stages.plan(options.round, load_planning(), progress=output.bar("plan"))
+    place = Round(options.round).path
+    output.result(
+        {"ok": True, "path": str(place), "points": len(path)}, f"{len(path)} points -> {place}"
+    )
+    return OK
+
+
+def solve(options: Options, output: Output) -> int:
+    """Path -> joints.csv."""
+    found = stages.solve(
+        options.round, options.machine, load_planning(), options.load_kg, progress=output.bar("solve")
+    )
+    unsolved = [
+        {"point": i + 1, "reason": reason} for i, reason in enumerate(found.reasons) if reason is not None
+    ]
+    place = Round(options.round).joints
+    tree = {
+        "ok": True,
+        "joints": str(place),
+        "solved": int(found.solved.sum()),
+        "unsolved": unsolved,
+        "duration_s": found.duration_s,
+    }
+    lines = [f"point {row['point']}: {row['reason']}" for row in unsolved]
+    lines.append(f"{tree['solved']} of {len(found.solved)} points solved, {found.duration_s:.0f} s -> {place}")
+    output.result(tree, "\n".join(lines))
+    return OK
+
+
+def run(options: Options, output: Output) -> int:
+    """Drive a solved round on the rig."""
+    Round(options.round).need("joints", "solve")
+    with _session(options, output) as session:
+        session.reset_and_wait(RESET_WAIT_S)
+        for step in (Step.LOAD, Step.GO_TO_START, Step.RUN):
+            _do(session, step)
+        result = job_result(session)
+    output.result(result, result_table(result))
+    return OK if result["ok"] else FAILED
+
+
+def finish_job(session: Session, output: Output, code: int) -> int:
+    """Print what the application's headless job came to."""
+    if not session.desk.result:
+        failures = [line.text[0] for line in session.snapshot().announcements if line.failure]
+        raise AscrcpError(failures[-1] if failures else "the job ended before the run")
+    result = job_result(session)
+    output.result(result, result_table(result))
+    return OK if code == OK and result["ok"] else FAILED
+
+
+def job_result(session: Session) -> dict[str, Any]:
+    """Summary of a run with its places (design.md section 9)."""
+    return {
+        **session.desk.result,
+        "round": str(session.round.folder),
+        "report": str(session.round.report),
+        "pictures": [str(p) for p in sorted(session.round.pictures.glob("*.png"))],
+    }
+
+
+def report(options: Options, output: Output) -> int:
+    """Build the report of a round."""
+    if not options.round.is_dir():
+        raise InputError(f"{options.round}: no such round folder")
+    place = build_report(options.round, progress=output.bar("report"))
+    output.result({"ok": True, "report": str(place)}, str(place))
+    return OK
+
+
+def replay(options: Options, output: Output) -> int:
+    """Feed the recorded inputs to a fresh cycle and compare every command."""
+    round_ = Round(options.round)
+    found = replay_round(options.round, lambda bus: open_replay(round_, bus))
+    same = found.differing == 0
+    output.result(
+        {"ok": same, **msgspec.to_builtins(found)},
+        f"{found.cycles} cycles replayed, {found.commands} command frames, {found.differing} differ",
+    )
+    return OK if same else FAILED
+
+
+COMMANDS: dict[str, Callable[[Options, Output], int]] = {
+    "scan": scan,
+    "recognise": recognise,
+    "plan": plan,
+    "solve": solve,
+    "run": run,
+    "report": report,
+    "replay": replay,
+    "fk": forward,
+    "ik": inverse,
+    "machines": machines,
+    "doctor": doctor,
+    "bench": bench,
+}

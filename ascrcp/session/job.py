@@ -1,0 +1,272 @@
+"""The five steps of the thesis as jobs of the worker thread (thesis 6.1.2)."""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ascrcp.control.move import plan_move
+from ascrcp.core.errors import AscrcpError, InputError
+from ascrcp.core.flow import JointSequence
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.sag import sagged_forward
+from ascrcp.session import stages
+from ascrcp.session.evaluation import evaluate
+from ascrcp.session.report import build_report
+from ascrcp.session.scanner import Scanner
+from ascrcp.session.state import Mode, Step
+from ascrcp.session.store import write_json, write_scan
+from ascrcp.session.trace import TraceCollector
+
+if TYPE_CHECKING:
+    from ascrcp.session.session import Session
+
+
+class StoppedError(AscrcpError):
+    """The safety gate stopped the motion; the message is the first cause."""
+
+
+class Desk:
+    """What the jobs share: the loaded sequence, the place in it, times and counts."""
+
+    def __init__(self, session: "Session") -> None:
+        self.session = session
+        self.sequence: JointSequence | None = None
+        self.resume_s = 0.0
+        self.points = 0
+        self.reached = 0
+        self.skipped = 0
+        self.collector = TraceCollector(session.arm.n)
+        self.timing: dict[str, tuple[float, float]] = {}
+        self.result: dict[str, Any] = {}
+        self.unsolved = 0
+
+    def nozzle(self, q: Array) -> Array:
+        """Nozzle pose the measured joints mean, with the sag of the boom; (8,) -> (4, 4)."""
+        setup = self.session.setup
+        return sagged_forward(setup.arm, q, setup.payload_kg)
+
+    def load(self, sequence: JointSequence) -> None:
+        """Keep a checked sequence, to be run from its beginning."""
+        self.sequence = sequence
+        self.points = int((sequence.point >= 0).sum())
+        self.begin_again()
+
+    def begin_again(self) -> None:
+        """Forget the last run: the next starts at the first point."""
+        self.resume_s = 0.0
+        self.reached = self.skipped = 0
+        self.collector = TraceCollector(self.session.arm.n)
+
+    def loaded(self) -> JointSequence:
+        """Return the loaded sequence.
+
+        Raises:
+            InputError: None is loaded.
+        """
+        if self.sequence is None:
+            raise InputError("no joint sequence is loaded")
+        return self.sequence
+
+    def pose_at(self, t_s: float) -> Array:
+        """Joints of the loaded sequence at one of its instants, shape (joints,)."""
+        sequence = self.loaded()
+        return np.array([np.interp(t_s, sequence.t, column) for column in sequence.q.T])
+
+    def keep_place(self) -> None:
+        """Note how far the run came, to go on from there after a stop."""
+        self.resume_s = self.session.setup.tracker.time_s
+        track = self.session.track()
+        self.reached += track.reached
+        self.skipped += track.skipped
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the loaded sequence has been run to its end."""
+        return self.sequence is not None and self.resume_s >= self.sequence.duration
+
+    def timing_s(self, name: str) -> float | None:
+        """Time of a stage [s]: machine time where the machine worked, else computing time."""
+        if name not in self.timing:
+            return None
+        wall, machine = self.timing[name]
+        return machine if name in ("scan", "run") else wall
+
+    @property
+    def realtime_factor(self) -> float | None:
+        """Machine time of the run per wall time."""
+        wall, machine = self.timing.get("run", (0.0, 0.0))
+        return machine / wall if wall > 0.0 else None
+
+    def finish_run(self) -> None:
+        """Judge what was collected and write it into the round."""
+        session = self.session
+        trace = self.collector.trace()
+        session.round.write_trace(trace)
+        self.result = {
+            "points": {"planned": self.points + self.unsolved, "reached": self.reached, "skipped": self.skipped},
+            "ok": self.is_finished and self.unsolved == 0 and self.skipped == 0,
+            **evaluate(trace),
+            "timing_s": {name: self.timing_s(name) for name in ("scan", "recognise", "plan", "solve", "run")},
+            "lateness_ms": asdict(session.lateness),
+            "realtime_factor": self.realtime_factor,
+            "commands_sha256": session.command_digest(),
+            "joints": [
+                {"number": j.number, "name": j.name, "kind": "prismatic" if j.prismatic else "revolute"}
+                for j in session.arm.joints
+            ],
+        }
+        write_json(session.round.result, self.result)
+
+
+def zero_joints(desk: Desk) -> None:
+    """关节归零: move every joint to the scan pose."""
+    session = desk.session
+    session.stage("Moving to the scan pose", "正在运动至扫描位姿")
+    _move_to(desk, session.arm.zero_pose)
+    session.announce("Joints are at the scan pose.", "关节已归零（扫描位姿）。")
+
+
+def recognise_and_solve(desk: Desk) -> None:
+    """识别解算: scan, reconstruct, plan and solve, each announced when done."""
+    session, setup, folder = desk.session, desk.session.setup, desk.session.round
+    folder.forget("surface", "features", "path", "joints", "trace", "result")
+    source: Path | None = setup.cloud
+    if source is None:
+        session.stage("Scanning the heading", "正在扫描掌子面")
+        with session.stopwatch("scan"):
+            scan_heading(desk)
+        session.announce("Scan finished.", "扫描完成。")
+    session.stage("Reconstructing and recognising", "正在三维重建与识别", 0.25)
+    with session.stopwatch("recognise"):
+        surface = session.run_compute(
+            stages.recognise,
+            folder.folder,
+            source,
+            setup.machine,
+            setup.profile,
+            setup.perception,
+            share=(0.25, 0.6),
+        )
+    session.show(surface=surface)
+    session.announce(
+        f"Reconstruction finished: {len(surface.arches)} arches, {len(surface.overbreak)} overbreak regions.",
+        f"三维重建完成：钢拱 {len(surface.arches)} 道，超挖 {len(surface.overbreak)} 处。",
+    )
+    session.stage("Planning the nozzle path", "正在规划喷涂轨迹", 0.6)
+    with session.stopwatch("plan"):
+        path = session.run_compute(stages.plan, folder.folder, setup.planning, share=(0.6, 0.75))
+    session.show(path=path, solved=np.zeros(len(path), bool))
+    session.announce(f"Path planned: {len(path)} points.", f"轨迹规划完成：{len(path)} 个点。")
+    session.stage("Solving the joints", "正在逆解关节", 0.75)
+    with session.stopwatch("solve"):
+        solution = session.run_compute(
+            stages.solve,
+            folder.folder,
+            setup.machine,
+            setup.planning,
+            setup.payload_kg,
+            share=(0.75, 1.0),
+        )
+    session.show(solved=solution.solved)
+    desk.unsolved = int((~solution.solved).sum())
+    session.announce(
+        f"Joints solved: {int(solution.solved.sum())} of {len(solution.solved)} points.",
+        f"运动学解算完成：{int(solution.solved.sum())}/{len(solution.solved)} 个点。",
+    )
+
+
+def load_sequence(desk: Desk) -> None:
+    """读取数据: read the joint sequence, check it whole (thesis 5.3), keep it for the tracker."""
+    session, setup = desk.session, desk.session.setup
+    session.stage("Loading the joint sequence", "正在读取关节序列")
+    sequence = session.run_compute(
+        stages.load, session.round.need("joints", "solve"), setup.machine, setup.planning, share=(0.0, 1.0)
+    )
+    desk.load(sequence)
+    session.announce(
+        f"Joint sequence loaded: {desk.points} points, {sequence.duration:.0f} s.",
+        f"关节序列已读取：{desk.points} 个点，{sequence.duration:.0f} 秒。",
+    )
+
+
+def go_to_start(desk: Desk) -> None:
+    """运动至初始点: the start at the right bottom, or in semi-automatic mode the nearest planned point."""
+    session = desk.session
+    sequence = desk.loaded()
+    session.stage("Moving to the start", "正在运动至初始点")
+    if session.snapshot().job.mode is Mode.SEMI_AUTOMATIC:
+        tip = np.array(session.snapshot().tip)
+        planned = np.flatnonzero(sequence.point >= 0)
+        row = int(planned[np.argmin(np.linalg.norm(sequence.position[planned] - tip, axis=1))])
+        desk.resume_s = float(sequence.t[row])
+    elif desk.is_finished:
+        desk.begin_again()
+    _move_to(desk, desk.pose_at(desk.resume_s))
+    session.announce("The nozzle is at the start.", "喷头已到达初始点。")
+
+
+def run_sequence(desk: Desk) -> None:
+    """开始运动: spray along the plan, judge the run, write the report."""
+    session = desk.session
+    sequence = desk.loaded()
+    session.stage("Spraying along the plan", "正在按轨迹喷射")
+    try:
+        with session.stopwatch("run"):
+            session.run_motion(
+                lambda: session.cycle.follow(sequence, desk.resume_s), collector=desk.collector
+            )
+    finally:
+        desk.keep_place()
+        desk.finish_run()
+    session.announce(
+        f"Spraying finished: {desk.reached} points reached, {desk.skipped} skipped.",
+        f"喷射完成：到达 {desk.reached} 点，跳过 {desk.skipped} 点。",
+    )
+    session.stage("Writing the report", "正在生成报告", 0.99)
+    session.run_compute(build_report, session.round.folder, share=(0.0, 1.0))
+    session.announce("Report written.", "报告已生成。")
+
+
+def _move_to(desk: Desk, target: Array) -> None:
+    session = desk.session
+    mover = _Mover(session.arm, session.setup.payload_kg)
+    sequence = plan_move(mover, session.measured_q(), target.tolist(), session.setup.control)
+    session.run_motion(lambda: session.cycle.follow(sequence))
+
+
+class _Mover:
+    """The arm as a move sees it: its nozzle where gravity takes it."""
+
+    def __init__(self, arm: Arm, payload_kg: float) -> None:
+        self.max_speed, self.max_acceleration, self.max_jerk = (
+            arm.max_speed,
+            arm.max_acceleration,
+            arm.max_jerk,
+        )
+        self.within_limits = arm.within_limits
+        self.forward = lambda q: sagged_forward(arm, q, payload_kg)
+
+
+def scan_heading(desk: Desk) -> None:
+    """Sweep the lidar over the heading and keep the raw scan in the round."""
+    session, setup = desk.session, desk.session.setup
+    setup.lidar.open()
+    try:
+        scanner = Scanner(setup.lidar, setup.sweep, session.cycle)
+        session.run_scan(scanner)
+    finally:
+        setup.lidar.close()
+    write_scan(session.round.scan, scanner.scan())
+
+
+JOBS: dict[Step, Callable[[Desk], None]] = {
+    Step.ZERO: zero_joints,
+    Step.RECOGNISE: recognise_and_solve,
+    Step.LOAD: load_sequence,
+    Step.GO_TO_START: go_to_start,
+    Step.RUN: run_sequence,
+}

@@ -1,0 +1,485 @@
+"""The session: what the screen and the command line ask of the job, and what they see of it."""
+
+import contextlib
+import hashlib
+import math
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+
+from ascrcp.control.tracker import TrackerOutput
+from ascrcp.core.errors import AscrcpError, CancelledError, DeviceError, RefusedError
+from ascrcp.core.event import EVENTS, Reaction
+from ascrcp.core.flow import SprayPath, Surface
+from ascrcp.core.geometry import angle_between
+from ascrcp.session import state
+from ascrcp.session.compute import Compute
+from ascrcp.session.cycle import Cycle, CycleOutput
+from ascrcp.session.driver import LockstepDriver, RealTimeDriver
+from ascrcp.session.job import JOBS, Desk, StoppedError
+from ascrcp.session.recorder import CAN_TOPIC, ORDER_TOPIC, Recorder, encode_frames
+from ascrcp.session.round import Round
+from ascrcp.session.scanner import Scanner
+from ascrcp.session.setup import Setup
+from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot
+from ascrcp.session.state import JobState, Mode, Refusal, Step
+from ascrcp.session.trace import TraceCollector
+
+KEPT_ANNOUNCEMENTS = 50
+SCENE_POINTS = 100_000  # software OpenGL draws 29 frames/s at this many points
+
+T = TypeVar("T")
+
+
+class Session:
+    """One job on one machine, from power-up to close. Every public call returns at once."""
+
+    def __init__(self, setup: Setup, round_: Round) -> None:
+        self.arm = setup.arm
+        self.round = round_
+        self.setup = setup
+        self._lock = threading.Lock()
+        self._job = JobState()
+        self._latest: CycleOutput | None = None
+        self._announcements: tuple[Announcement, ...] = ()
+        self._scene = Scene()
+        self._stage = ("", "")
+        self._progress = 0.0
+        self._stage_began = time.monotonic()
+        self._cancelled = threading.Event()
+        self._motion: tuple[int, threading.Event] | None = None
+        self._motion_result = ""
+        self._scanner: Scanner | None = None
+        self._scan_over = threading.Event()
+        self._scan_error: AscrcpError | None = None
+        self._collector: TraceCollector | None = None
+        self._causes: tuple[str, ...] = ()
+        self._digest = hashlib.sha256()
+        self._worker: threading.Thread | None = None
+        self.compute = Compute()
+        self._recorder = Recorder(round_.folder)
+        self._record_failed = False
+        self.cycle = Cycle(setup.link, setup.tracker, setup.gate, self._tip, setup.truth)
+        if setup.lockstep:
+            assert setup.plant is not None
+            self._driver: LockstepDriver | RealTimeDriver = LockstepDriver(
+                self.cycle, self._on_cycle, setup.plant
+            )
+        else:
+            self._driver = RealTimeDriver(self.cycle, self._on_cycle, setup.plant)
+        round_.note(**setup.manifest)
+        self.desk = Desk(self)
+        self._driver.start()
+        threading.Thread(target=self.compute.start, name="ascrcp-warm-up", daemon=True).start()
+
+    def _tip(self, q: tuple[float, ...]) -> np.ndarray:
+        return self.desk.nozzle(np.array(q))
+
+    # what the screen asks ----------------------------------------------------------------------
+
+    def refusal(self, step: Step) -> Refusal | None:
+        """Return why a step may not start now, None if it may."""
+        return state.refusal(self._job, step)
+
+    def start(self, step: Step) -> None:
+        """Begin a step in a worker thread.
+
+        Raises:
+            RefusedError: If the state machine does not allow it now.
+        """
+        with self._lock:
+            reason = state.refusal(self._job, step)
+            if reason is not None:
+                raise RefusedError(reason.value[0])
+            self._job = state.start(self._job, step)
+            self._cancelled.clear()
+        self._recorder.put_event(self.t_ns, "step", step.value, "started")
+        self._worker = threading.Thread(target=self._work, args=(step,), name="ascrcp-worker", daemon=True)
+        self._worker.start()
+
+    def stop(self) -> None:
+        """Stop everything from any state; latched until reset."""
+        self.cycle.press_stop()
+        self._cancelled.set()
+        self._driver.wake()
+
+    def reset(self) -> None:
+        """Ask the gate to leave the stopped state."""
+        self.cycle.press_reset()
+        self._driver.wake()
+
+    def reset_and_wait(self, timeout_s: float) -> None:
+        """Reset and wait until the gate has let go; for the command line, never for the screen.
+
+        Raises:
+            DeviceError: It did not, with the cause that stands in the way.
+        """
+        self.reset()
+        deadline = time.monotonic() + timeout_s
+        while self._job.stopped:
+            if time.monotonic() > deadline:
+                causes = ", ".join(EVENTS[code].cause[0] for code in self._causes) or "the machine is silent"
+                raise DeviceError(f"reset is not accepted: {causes}")
+            time.sleep(0.01)
+
+    def cancel(self) -> None:
+        """Give up the step under way; the arm stops where it is."""
+        self._cancelled.set()
+        self.cycle.hold()
+        self._driver.wake()
+
+    def choose_mode(self, mode: Mode) -> None:
+        """Change the mode at rest."""
+        with self._lock:
+            self._job = state.choose_mode(self._job, mode)
+
+    def wait(self, timeout_s: float | None = None) -> None:
+        """Wait until no step is under way; for the command line, never for the screen."""
+        worker = self._worker
+        if worker is not None:
+            worker.join(timeout_s)
+
+    def close(self) -> None:
+        """End every thread; the machine is neutral afterwards."""
+        self.stop()
+        self.wait(5.0)
+        self._driver.close()
+        self.compute.close()
+        self._recorder.close()
+        self.setup.close()
+
+    # what the screen sees ----------------------------------------------------------------------
+
+    @property
+    def t_ns(self) -> int:
+        """Job time [ns]."""
+        return self._latest.t_ns if self._latest is not None else 0
+
+    def scene(self) -> Scene:
+        """Return what the 3-D view draws besides the arm."""
+        return self._scene
+
+    def snapshot(self) -> Snapshot:
+        """Return the newest picture of the job."""
+        job, output = self._job, self._latest
+        general = Snapshot(
+            t_s=self.t_ns * 1e-9,
+            job=job,
+            stage=self._stage,
+            progress=self._progress,
+            remaining_s=self._remaining_s(),
+            announcements=self._announcements,
+            lateness=self.lateness,
+            simulated=self.setup.plant is not None,
+            round_dir=str(self.round.folder),
+            points=self.desk.points,
+        )
+        if output is None:
+            return general
+        track, inputs, verdict = output.track, output.inputs, output.verdict
+        following = track.state == "follow"
+        running = following and job.active is Step.RUN
+        shown = replace(
+            general,
+            reaction=verdict.reaction,
+            causes=verdict.causes,
+            estop=inputs.estop,
+            q=inputs.q,
+            q_target=track.q_ref if following else (math.nan,) * len(inputs.q),
+            drive=verdict.command.drive,
+            age_ms=tuple(age * 1e-6 for age in inputs.age_ns),
+            point=track.point if running else -1,
+            reached=self.desk.reached + (track.reached if running else 0),
+            skipped=self.desk.skipped + (track.skipped if running else 0),
+            spraying=verdict.command.pump > 0.0,
+            oil_temp_c=inputs.oil_temp_c,
+        )
+        if output.tip is None:
+            return shown
+        tip, direction = output.tip[:3, 3], output.tip[:3, 0]
+        shown = replace(
+            shown, tip=tuple(map(float, tip)), tip_direction=tuple(map(float, direction))
+        )
+        if not following:
+            return shown
+        target = np.array(track.position)
+        return replace(
+            shown,
+            tip_target=tuple(map(float, target)),
+            tip_error_mm=1e3 * float(np.linalg.norm(tip - target)),
+            tip_error_deg=math.degrees(float(angle_between(direction, np.array(track.direction)))),
+        )
+
+    def _remaining_s(self) -> float:
+        output = self._latest
+        if output is not None and output.track.state == "follow":
+            return output.track.remaining_s
+        if self._job.active is None or self._progress < 0.05:
+            return math.nan
+        return (time.monotonic() - self._stage_began) * (1.0 / self._progress - 1.0)
+
+    # control thread ----------------------------------------------------------------------------
+
+    def _on_cycle(self, output: CycleOutput) -> bool:
+        """Take in one cycle; return whether something still goes on."""
+        self._latest = output
+        self._record(output)
+        self._watch_gate(output)
+        self._watch_motion(output)
+        if self._collector is not None and output.track.state == "follow":
+            self._collector.add(output)
+        if self._scanner is not None and self.setup.lockstep:
+            self._advance_scan(output)
+        return self._motion is not None or self._scanner is not None
+
+    def _record(self, output: CycleOutput) -> None:
+        track, command = output.track, output.verdict.command
+        put, t = self._recorder.put, output.t_ns
+        link = self.setup.link
+        for _, data in link.sent:
+            self._digest.update(data)
+        for order in output.orders:
+            put(ORDER_TOPIC, t, order)
+        put(CAN_TOPIC, t, encode_frames(link.received, link.sent))
+        put(
+            "/joints",
+            t,
+            {
+                "q": output.inputs.q,
+                "q_ref": track.q_ref,
+                "drive": command.drive,
+                "reaction": int(output.verdict.reaction),
+            },
+        )
+        if output.tip is not None and track.state == "follow":
+            truth = output.truth
+            put(
+                "/nozzle",
+                t,
+                {
+                    "measured": output.tip[:3, 3].tolist(),
+                    "reference": track.position,
+                    "truth": truth[:3, 3].tolist() if truth is not None else (),
+                    "point": track.point,
+                    "spraying": track.spraying,
+                },
+            )
+
+    def _watch_gate(self, output: CycleOutput) -> None:
+        verdict = output.verdict
+        if verdict.causes != self._causes:
+            for code in verdict.causes:
+                if code not in self._causes:
+                    self._recorder.put_event(output.t_ns, "fault", code, EVENTS[code].cause[0])
+                    if EVENTS[code].reaction >= Reaction.WARN:
+                        self.announce(*EVENTS[code].cause, failure=True)
+            self._causes = verdict.causes
+        if verdict.latched and not self._job.stopped:
+            self._cancelled.set()
+            with self._lock:
+                self._job = state.stop(self._job)
+        elif not verdict.latched and self._job.stopped:
+            with self._lock:
+                self._job = state.reset(self._job)
+            self._recorder.put_event(output.t_ns, "request", "reset", "gate left the stopped state")
+
+    def _watch_motion(self, output: CycleOutput) -> None:
+        motion = self._motion
+        if motion is None or output.motion < motion[0]:
+            return
+        state_ = output.track.state
+        if output.verdict.reaction >= Reaction.STOP:
+            result = "stopped: " + EVENTS[output.verdict.causes[0]].cause[0]
+        elif state_ == "finished":
+            result = "finished"
+        elif state_ == "failed":
+            result = output.track.reason or "the tracker failed"
+        elif state_ == "hold":
+            result = "cancelled"
+        else:
+            self._progress = output.track.progress
+            return
+        self._motion_result = result
+        self._motion = None
+        motion[1].set()
+
+    def _advance_scan(self, output: CycleOutput) -> None:
+        scanner = self._scanner
+        if scanner is None:
+            return
+        try:
+            if self._cancelled.is_set():
+                raise CancelledError("cancelled")
+            scanner.on_cycle(output.inputs)
+        except AscrcpError as error:
+            self._scan_error = error
+        self._progress = 0.25 * scanner.progress
+        if scanner.done or self._scan_error is not None:
+            self._scanner = None
+            self._scan_over.set()
+
+    # worker thread, used by the jobs --------------------------------------------------------------
+
+    def _work(self, step: Step) -> None:
+        failed = True
+        self._progress, self._stage_began = 0.0, time.monotonic()
+        try:
+            JOBS[step](self.desk)
+            failed = False
+        except CancelledError:
+            self.announce("Cancelled.", "已取消。", failure=True)
+        except StoppedError as error:
+            self.announce(f"Stopped: {error}", f"已停止：{error}", failure=True)
+        except AscrcpError as error:
+            self.announce(str(error), str(error), failure=True)
+        except Exception as error:  # noqa: BLE001 - a worker's exception must reach the screen
+            self.announce(f"Internal error in {step.value}: {error!r}", f"内部错误：{error!r}", failure=True)
+            self._recorder.put_event(self.t_ns, "step", step.value, f"internal error: {error!r}")
+        finally:
+            self._collector = None
+            with self._lock:
+                if self._job.active is step:
+                    self._job = state.abandon(self._job) if failed else state.finish(self._job)
+            self._stage, self._progress = ("", ""), 0.0
+            self._recorder.put_event(self.t_ns, "step", step.value, "failed" if failed else "done")
+
+    def announce(self, english: str, chinese: str, failure: bool = False) -> None:
+        """Tell the operator one line (thesis 6.1.2: every part done is announced)."""
+        number = self._announcements[-1].number + 1 if self._announcements else 1
+        line = Announcement(number, (english, chinese), failure)
+        self._announcements = (*self._announcements, line)[-KEPT_ANNOUNCEMENTS:]
+        self._recorder.put_event(self.t_ns, "note", "failure" if failure else "info", english)
+
+    def stage(self, english: str, chinese: str, progress: float = 0.0) -> None:
+        """Say what the active step is doing now."""
+        self._stage = (english, chinese)
+        self._progress = progress
+
+    def run_motion(self, begin: Callable[[], object], collector: TraceCollector | None = None) -> None:
+        """Begin a motion and wait for its end.
+
+        Args:
+            begin: Gives the follow order.
+            collector: Takes in every cycle of the motion, None for nobody.
+
+        Raises:
+            StoppedError: The gate stopped it.
+            CancelledError: The operator cancelled it.
+            AscrcpError: The tracker gave up.
+        """
+        over = threading.Event()
+        self._collector = collector
+        self._motion = (self.cycle.motions + 1, over)
+        begin()
+        self._driver.wake()
+        over.wait()
+        result = self._motion_result
+        if result == "finished":
+            return
+        if result.startswith("stopped: "):
+            raise StoppedError(result.removeprefix("stopped: "))
+        if result == "cancelled":
+            raise CancelledError("cancelled")
+        raise AscrcpError(result)
+
+    def track(self) -> TrackerOutput:
+        """Return what the tracker said last."""
+        return self._output().track
+
+    def measured_q(self) -> tuple[float, ...]:
+        """Return the joints as measured last, SI.
+
+        Raises:
+            DeviceError: A joint was never heard.
+        """
+        q = self._output().inputs.q
+        if not all(map(math.isfinite, q)):
+            missing = [str(i) for i, x in enumerate(q, start=1) if not math.isfinite(x)]
+            raise DeviceError(f"joint sensors {', '.join(missing)} have not been heard yet")
+        return q
+
+    def _output(self) -> CycleOutput:
+        if self._latest is None:
+            raise DeviceError("the machine has not been heard yet")
+        return self._latest
+
+    @property
+    def lateness(self) -> Lateness:
+        """How late the control cycle has been."""
+        return self._driver.meter.lateness()
+
+    def command_digest(self) -> str:
+        """SHA-256 over every command frame sent so far: equal runs have equal digests."""
+        return self._digest.copy().hexdigest()
+
+    def run_scan(self, scanner: Scanner) -> None:
+        """Drive a sweep to its end: in lockstep by the control thread, else by this worker.
+
+        Raises:
+            DeviceError: Pan head or lidar failed.
+            CancelledError: The operator cancelled it.
+        """
+        self._scan_error = None
+        self._scan_over.clear()
+
+        def admit() -> None:
+            self._scanner = scanner
+
+        self.cycle.begin(admit)
+        self._driver.wake()
+        if self.setup.lockstep:
+            self._scan_over.wait()
+        else:
+            seen = -1
+            while not self._scan_over.is_set():
+                output = self._latest
+                if output is None or output.t_ns == seen:
+                    time.sleep(0.002)
+                    continue
+                seen = output.t_ns
+                self._advance_scan(output)
+        self.cycle.point_pan(None)
+        if self._scan_error is not None:
+            raise self._scan_error
+
+    def run_compute(self, function: Callable[..., T], *args: object, share: tuple[float, float]) -> T:
+        """Run a stage in the compute process; its progress fills a share of the step's bar."""
+        low, high = share
+
+        def progress(fraction: float) -> None:
+            self._progress = low + (high - low) * fraction
+
+        result: T = self.compute.run(
+            function, *args, progress=progress, is_cancelled=self._cancelled.is_set
+        )
+        return result
+
+    def show(self, surface: Surface | None = None, path: SprayPath | None = None, solved: object = None) -> None:
+        """Replace parts of the 3-D scene."""
+        scene = replace(self._scene, version=self._scene.version + 1)
+        if surface is not None:
+            stride = max(1, -(-len(surface.points) // SCENE_POINTS))
+            scene = replace(
+                scene, surface=surface, points=surface.points[::stride], labels=surface.labels[::stride]
+            )
+        if path is not None:
+            scene = replace(scene, path=path.position, path_pass=path.pass_index)
+        if solved is not None:
+            scene = replace(scene, solved=np.asarray(solved))
+        self._scene = scene
+
+    @property
+    def is_realtime(self) -> bool:
+        """Whether the processor's clock drives the cycles."""
+        return not self.setup.lockstep
+
+    @contextlib.contextmanager
+    def stopwatch(self, name: str):  # type: ignore[no-untyped-def]
+        """Measure a stage: job time for what moves, wall time for what computes."""
+        wall, job = time.perf_counter(), self.t_ns
+        yield
+        self.desk.timing[name] = (time.perf_counter() - wall, (self.t_ns - job) * 1e-9)

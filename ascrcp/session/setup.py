@@ -1,0 +1,63 @@
+"""What a session is put together from; the composition root fills it in for machine or rig."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ascrcp.control.config import ControlConfig
+from ascrcp.control.tracker import Tracker
+from ascrcp.core.geometry import Array
+from ascrcp.core.profile import Profile
+from ascrcp.devices.lidar import Lidar, SweepConfig
+from ascrcp.kinematics.arm import Arm
+from ascrcp.perception.parameter import PerceptionParameters
+from ascrcp.planning.parameter import Parameters as PlanningParameters
+from ascrcp.safety.gate import Gate
+from ascrcp.session.cycle import Link
+from ascrcp.session.driver import Plant
+
+
+@dataclass(frozen=True)
+class Setup:
+    """The parts of one session.
+
+    Attributes:
+        arm: Kinematics of the machine.
+        machine: Its name or the path of its YAML, for the compute process.
+        link: The machine on its bus.
+        tracker: Follows joint sequences.
+        gate: The last word on every command.
+        lidar: The line scanner.
+        sweep: How the pan head carries it.
+        profile: Design profile of the tunnel.
+        perception: Parameters of recognition.
+        planning: Parameters of path and timing.
+        control: Parameters of control, for moves between poses.
+        payload_kg: Concrete in the hose the solver reckons with [kg].
+        cloud: Use this cloud in place of a scan, None to scan.
+        plant: The rig, None on a machine.
+        truth: The rig's true nozzle pose, None on a machine.
+        lockstep: Virtual time as fast as it goes (rig only), or the processor's clock.
+        manifest: What the round was made with, for the record.
+        close: Releases bus, lidar and rig.
+    """
+
+    arm: Arm
+    machine: str
+    link: Link
+    tracker: Tracker
+    gate: Gate
+    lidar: Lidar
+    sweep: SweepConfig
+    profile: Profile
+    perception: PerceptionParameters
+    planning: PlanningParameters
+    control: ControlConfig
+    payload_kg: float
+    cloud: Path | None
+    plant: Plant | None
+    truth: Callable[[], Array] | None
+    lockstep: bool
+    manifest: dict[str, Any]
+    close: Callable[[], None]

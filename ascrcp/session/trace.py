@@ -1,0 +1,57 @@
+"""Collect the run's errors cycle by cycle: CycleOutput -> RunTrace. Cheap enough for the control thread."""
+
+import numpy as np
+
+from ascrcp.session.cycle import CycleOutput
+from ascrcp.session.evaluation import RunTrace
+
+
+class TraceCollector:
+    """Rows of plain floats; becomes arrays once, when the run has ended."""
+
+    def __init__(self, joints: int) -> None:
+        self._joints = joints
+        self._rows: list[tuple[float, ...]] = []
+        self._from_truth = True
+        self._last_point = -1
+
+    def add(self, output: CycleOutput) -> None:
+        """Add one cycle of a run."""
+        if output.tip is None:
+            return
+        track, tip, truth = output.track, output.tip, output.truth
+        if truth is None:
+            self._from_truth = False
+            truth = tip
+        passed = self._last_point if track.point != self._last_point else -1
+        self._last_point = track.point
+        self._rows.append(
+            (
+                output.t_ns * 1e-9,
+                *track.position,
+                *track.direction,
+                *truth[:3, 3].tolist(),
+                *truth[:3, 0].tolist(),
+                *tip[:3, 3].tolist(),
+                *tip[:3, 0].tolist(),
+                float(track.spraying),
+                float(passed),
+                *track.error_q,
+            )
+        )
+
+    def trace(self) -> RunTrace:
+        """Return what was collected."""
+        table = np.array(self._rows).reshape(-1, 21 + self._joints)
+        table = table[np.isfinite(table[:, :19]).all(1)] if len(table) else table
+        return RunTrace(
+            t=table[:, 0],
+            reference=table[:, 1:7],
+            nozzle=table[:, 7:13],
+            measured=table[:, 13:19],
+            spraying=table[:, 19],
+            point=table[:, 20],
+            q_error=table[:, 21:],
+            from_truth=self._from_truth,
+        )
+
