@@ -13,6 +13,9 @@ from ascrcp.core import paths
 from ascrcp.core.config import Struct, load
 
 Colour = Annotated[str, Meta(pattern="^#[0-9a-f]{6}$")]
+BORDER_PX = 3
+"""Border of every button [px], the same in all its states so that nothing moves."""
+
 Positive = Annotated[float, Meta(gt=0)]
 
 
@@ -117,7 +120,10 @@ def colour_fields(colours: Colours | SceneColours) -> dict[str, str]:
 def style_sheet(screen: Screen) -> str:
     """Return the style sheet with the configured colours and sizes filled in."""
     template = Template((paths.RESOURCES / "screen.qss").read_text(encoding="utf-8"))
-    return template.substitute(colour_fields(screen.colours), touch=screen.touch_px, stop=2 * screen.touch_px)
+    inside = screen.touch_px - 2 * BORDER_PX  # Qt's min-height does not count the border
+    return template.substitute(
+        colour_fields(screen.colours), border_px=BORDER_PX, touch=inside, stop=inside + screen.touch_px
+    )
 
 
 def find_chinese_font() -> str | None:
