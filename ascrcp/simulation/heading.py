@@ -12,7 +12,7 @@ from ascrcp.core.profile import Profile
 from ascrcp.simulation.tunnel import AirConfig, TunnelConfig, draw
 from ascrcp.simulation.tunnel_arch import build_arch, draw_arches
 from ascrcp.simulation.tunnel_mesh import grid, merge
-from ascrcp.simulation.tunnel_site import build_bodies, build_face, build_floor, draw_drips
+from ascrcp.simulation.tunnel_site import build_bodies, build_face, build_feet, build_floor, draw_drips
 from ascrcp.simulation.tunnel_wall import Patch, build_wall, place_patches
 
 CONCERNS = ("placement", "length", "arches", "pockets", "bumps", "wall", "floor", "face", "bodies", "air")
@@ -120,7 +120,8 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
     arches = draw_arches(config.arches, streams["arches"], profile, part, floor)
     yz = profile.point(wall.along[None, :], wall.offset)
     s = np.broadcast_to(wall.station[:, None], wall.offset.shape)
-    parts = [grid(np.concatenate([s[..., None], yz], axis=-1))]
+    lining = np.concatenate([s[..., None], yz], axis=-1)
+    parts = [grid(lining), *build_feet(lining, floor)]
     for arch in arches:
         parts += build_arch(config.arches, arch, streams["arches"], profile)
     parts.append(build_floor(config, streams["floor"], profile, part, floor))

@@ -10,6 +10,7 @@ from ascrcp.core.errors import DeviceError
 from ascrcp.core.geometry import Array, rotation
 from ascrcp.simulation.heading import Heading
 
+SIGHT_MARGIN = 0.05  # a cell whose middle is hidden by less than its own relief counts as seen [m]
 Metre = Annotated[float, msgspec.Meta(ge=0.0, le=200.0)]
 Chance = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
@@ -94,6 +95,8 @@ class LidarModel:
         self._config = config
         self._air = heading.air
         self._drips = heading.drips
+        self._beyond = heading.beyond
+        self._beyond_volume = heading.beyond_volume
         self._tensor = core.Tensor.from_numpy
         self._scene = RaycastingScene(nthreads=1)
         self._scene.add_triangles(self._tensor(heading.vertices), self._tensor(heading.triangles))
@@ -153,6 +156,19 @@ class LidarModel:
             (config.min_range <= distance) & (distance <= config.max_range) & (chance[4] >= config.dropout)
         )
         return np.where(valid, distance, np.nan)
+
+    def visible_volume(self, origin: Array) -> float:
+        """Sum the overbreak whose wall is in line of sight of a point (3,), base frame [m3].
+
+        The truth behind `overbreak_volume_m3` of features.json, which counts what was seen.
+        """
+        if len(self._beyond) == 0:
+            return 0.0
+        way = self._beyond - origin
+        length = np.linalg.norm(way, axis=1)
+        rays = np.hstack([np.broadcast_to(origin, way.shape), way / length[:, None]]).astype(np.float32)
+        reached = self._scene.cast_rays(self._tensor(rays), nthreads=1)["t_hit"].numpy()
+        return float(self._beyond_volume[reached > length - SIGHT_MARGIN].sum())
 
     def _directions(self, pan: float) -> Array:
         return self._plane @ rotation("z", pan + np.radians(self._config.pan_zero_deg)).T

@@ -4,6 +4,7 @@ Apart because Open3D holds the interpreter's lock while it casts (design, sectio
 """
 
 import selectors
+import signal
 import socket
 import struct
 from collections.abc import Callable
@@ -93,6 +94,7 @@ def serve(config: LidarConfig, heading: Heading, seed: int, poses: PoseBoard, pi
 
     The first message back is the port, or the reason why there is none.
     """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent; closing its pipe ends us
     try:
         node = LidarNode(config, LidarModel(config, heading), poses, seed)
         listener = socket.create_server((HOST, 0))

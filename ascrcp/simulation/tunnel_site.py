@@ -25,6 +25,21 @@ def build_floor(
     return grid(np.stack([S, Y, Z], axis=-1))
 
 
+def build_feet(lining: Array, floor: float) -> list[Mesh]:
+    """Carry the wall straight down to the floor where the profile ends above it, tunnel frame.
+
+    Args:
+        lining: Grid of wall points, stations by arc lengths, shape (ns, na, 3) [m].
+        floor: Height of the floor [m].
+    """
+    meshes = []
+    for edge in (lining[:, 0], lining[:, -1]):
+        below = edge.copy()
+        below[:, 2] = np.minimum(edge[:, 2], floor - BEYOND)
+        meshes.append(grid(np.stack([edge, below])))
+    return meshes
+
+
 def build_face(
     config: TunnelConfig, rng: np.random.Generator, profile: Profile, part: tuple[float, float]
 ) -> list[Mesh]:
