@@ -21,7 +21,7 @@ class Grid:
 
     def keep(self, rolls: Array) -> "Grid":
         """Return the rows whose theta1 is among rolls [rad]."""
-        near = np.abs(self.rows[:, :1] - rolls).min(axis=1) < 1e-9
+        near = np.abs(self.rows[:, :1] - rolls).min(axis=1, initial=np.inf) < 1e-9
         return Grid(self.rows[near])
 
 
@@ -67,7 +67,7 @@ def solve_grid(arm: Arm, T: Array, grid: Grid) -> Array:
 
 def find_candidates(arm: Arm, T: Array, grid: Grid) -> list[Array]:
     """Find each pose's candidates within limits, a list of m arrays (k_i, joints); may be empty."""
-    found = []
+    found: list[Array] = []
     for start in range(0, len(T), 8):
         block = solve_grid(arm, T[start : start + 8], grid)
         inside = arm.within_limits(block)

@@ -18,10 +18,10 @@ from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.candidate import Grid, find_candidates, find_rolls, make_grid, solve_grid
 from ascrcp.kinematics.description import PathModel
 from ascrcp.kinematics.graph import find_chain
-from ascrcp.kinematics.reason import explain_failure
+from ascrcp.kinematics.reason import explain_failure, limit_excess
 from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.smooth import Cost, make_cost, own_cost, smooth_chain
-from ascrcp.kinematics.task import compute_error, find_roll, project_task, spray_pose
+from ascrcp.kinematics.task import compute_error, find_roll, spray_pose
 
 Progress = Callable[[float], None]
 
@@ -34,8 +34,14 @@ TASK_TOLERANCE = 1e-6
 REROLL = np.pi / 2
 """Step of a turning joint between neighbouring points beyond which it goes round the other way [rad]."""
 
-ALONE_ROUNDS = 12
-"""Rounds for a point that is solved by itself."""
+NEARLY = 0.1
+"""Share of a range by which a lone point's best candidate may leave it and still be tried."""
+
+FAR_OFF = 1e9
+"""Rank of a candidate beyond the limits, above any squared travel time [s^2]."""
+
+BLOCK = 8
+"""Points whose whole candidate grid is held at once: 0.5 MB each."""
 
 
 @dataclass(frozen=True)
@@ -97,13 +103,10 @@ def solve_path(
     work = _Work(arm, model, make_cost(arm, model), compensate(arm, spray_pose(path), payload_kg), start)
     report(0.0)
     distance = _distances(work.T[:, :3, 3], model.far)
-    q = work.start_chain(distance, report)
-    q = work.smooth(q, report, 0.5, 0.75)
-    work.drop_failed(q)
-    work.retry(q, report)
-    q = work.smooth(q, report, 0.85, 0.95)
-    work.drop_failed(q)
-    return work.finish(q, report)
+    q = work.keep_good(work.smooth(work.start_chain(distance, report), report, 0.5, 0.75))
+    q, best = work.rescue(q, report)
+    smoothed = work.keep_good(work.smooth(q, report, 0.85, 1.0))
+    return work.finish(np.where(np.isfinite(smoothed), smoothed, q), best, report)
 
 
 def _ignore(_: float) -> None:
@@ -227,45 +230,62 @@ class _Work:
         step = np.abs(b - a)
         return np.asarray((step[..., ~self.arm.prismatic] > REROLL).any(axis=-1))
 
-    def drop_failed(self, q: Array) -> None:
-        """Set points that miss their target or break a limit to NaN, in place."""
+    def keep_good(self, q: Array) -> Array:
+        """Set points that miss their target or break a limit to NaN."""
         live = np.flatnonzero(np.isfinite(q).all(axis=1))
-        q[~np.isfinite(q).all(axis=1)] = np.nan
-        if not live.size:
-            return
-        miss = compute_error(self.arm, self.T[live], q[live]).size
-        good = (miss <= TASK_TOLERANCE) & self.arm.within_limits(q[live])
-        q[live[~good]] = np.nan
+        kept = np.full_like(q, np.nan)
+        if live.size:
+            miss = compute_error(self.arm, self.T[live], q[live]).size
+            good = live[(miss <= TASK_TOLERANCE) & self.arm.within_limits(q[live])]
+            kept[good] = q[good]
+        return kept
 
-    def retry(self, q: Array, report: Progress) -> None:
-        """Try failed points by themselves, from the nearest solved point on either side, in place."""
+    def rescue(self, q: Array, report: Progress) -> tuple[Array, Array]:
+        """Try unsolved points by themselves, from the closed form over the whole grid.
+
+        Of a point's candidates the one that leaves the ranges least is taken, the nearest to its
+        solved neighbours where several keep them, and is then moved inside if it can be.
+
+        Returns:
+            Joint vectors with the rescued points filled in (n, joints), and the candidate each
+            unsolved point started from (n, joints), which tells why it failed.
+        """
         failed = np.flatnonzero(~np.isfinite(q[:, 0]))
-        for order in (failed, failed[::-1]):
-            step = 1 if order is failed else -1
-            for count, i in enumerate(order):
-                if count % 16 == 0:
-                    report(0.75 + 0.1 * count / max(1, len(order)))
-                neighbour = i - step
-                if np.isfinite(q[i, 0]) or not 0 <= neighbour < len(q) or not np.isfinite(q[neighbour, 0]):
-                    continue
-                q[i] = self._solve_alone(i, q[neighbour])
+        grid = make_grid(self.arm, self.model)
+        best = np.full_like(q, np.nan)
+        neighbour = _nearest_solved(q, failed, self.start)
+        for start in range(0, len(failed), BLOCK):
+            report(0.75 + 0.1 * start / len(failed))
+            rows = failed[start : start + BLOCK]
+            block = solve_grid(self.arm, self.T[rows], grid).reshape(len(rows), -1, self.arm.n)
+            excess = np.nan_to_num(limit_excess(self.arm, block).max(axis=-1), nan=np.inf)
+            travel = (self.cost.metric * (block - neighbour[start : start + BLOCK, None]) ** 2).sum(axis=-1)
+            # travel decides among those within limits; beyond them the excess outweighs any travel
+            rank = np.where(excess > 0.0, FAR_OFF * (1.0 + excess), np.nan_to_num(travel, nan=np.inf))
+            best[rows] = block[np.arange(len(rows)), rank.argmin(axis=1)]
+        excess = np.nan_to_num(limit_excess(self.arm, best).max(axis=-1), nan=np.inf)
+        near = np.flatnonzero(excess < NEARLY)
+        if not near.size:
+            return q, best
+        cuts = np.full(len(near), np.inf)
+        alone = best.copy()
+        alone[near] = smooth_chain(
+            self.arm,
+            self.cost,
+            self.T[near],
+            best[near],
+            cuts,
+            0.0,
+            self.model.smooth_rounds,
+            lambda _: report(0.85),
+        )
+        return np.where(np.isfinite(q), q, self.keep_good(alone)), best
 
-    def _solve_alone(self, i: int, q: Array) -> Array:
-        T, alone = self.T[i : i + 1], np.array([np.inf])
-        x = smooth_chain(self.arm, self.cost, T, q[None, :], alone, 0.0, ALONE_ROUNDS, lambda _: None)
-        good = compute_error(self.arm, T, x).size[0] <= TASK_TOLERANCE and bool(self.arm.within_limits(x[0]))
-        return x[0] if good else np.full(self.arm.n, np.nan)
-
-    def finish(self, q: Array, report: Progress) -> PathSolution:
+    def finish(self, q: Array, best: Array, report: Progress) -> PathSolution:
         """Say why points failed, mark the breaks and read theta1 back."""
         n = len(q)
         solved = np.isfinite(q[:, 0])
-        reasons: list[str | None] = [None] * n
-        grid = make_grid(self.arm, self.model)
-        for count, i in enumerate(np.flatnonzero(~solved)):
-            if count % 8 == 0:
-                report(0.95)
-            reasons[i] = explain_failure(self.arm, solve_grid(self.arm, self.T[i : i + 1], grid))
+        reasons = tuple(None if solved[i] else explain_failure(self.arm, best[i]) for i in range(n))
         theta1 = np.full(n, np.nan)
         theta1[solved] = find_roll(self.T[solved], self.arm.forward(q[solved]))
         breaks = np.zeros(n, dtype=bool)
@@ -275,7 +295,18 @@ class _Work:
         gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + self.model.reroll_s] = np.inf
         breaks[live] = ~np.isfinite(gaps)
         report(1.0)
-        return PathSolution(q, theta1, tuple(reasons), breaks)
+        return PathSolution(q, theta1, reasons, breaks)
+
+
+def _nearest_solved(q: Array, rows: NDArray[np.int64], start: Array) -> Array:
+    """Joint vectors of the solved points nearest in order to rows (m,), start if none; (m, joints)."""
+    solved = np.flatnonzero(np.isfinite(q[:, 0]))
+    if not solved.size:
+        return np.broadcast_to(start, (len(rows), len(start)))
+    after = np.searchsorted(solved, rows).clip(0, len(solved) - 1)
+    before = np.maximum(after - 1, 0)
+    nearer = np.where(rows - solved[before] <= np.abs(solved[after] - rows), before, after)
+    return q[solved[nearer]]
 
 
 def _find_keys(distance: Array, spacing: float) -> NDArray[np.int64]:

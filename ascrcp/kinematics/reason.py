@@ -5,31 +5,38 @@ import numpy as np
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, JointInfo
 
+NO_POSTURE = "out of reach: no posture brings the nozzle to this position and direction"
+"""Reason of a point at which the closed form has no real solution anywhere on the grid."""
 
-def explain_failure(arm: Arm, solutions: Array) -> str:
-    """Name the limit that the best of a point's solutions breaks.
+NOT_KEPT = "reachable only on a limit, and not kept on the way along the path"
+"""Reason of a point that has a solution which the path's solution could not hold."""
+
+
+def limit_excess(arm: Arm, q: Array) -> Array:
+    """How far joint vectors (..., joints) leave the ranges, as shares of them; NaN stays; (..., joints)."""
+    g = q @ arm.limit_matrix.T
+    over = np.maximum(np.maximum(arm.limit_lower - g, g - arm.limit_upper), 0.0)
+    return over / (arm.limit_upper - arm.limit_lower)
+
+
+def explain_failure(arm: Arm, q: Array) -> str:
+    """Name the limit that a point's least bad solution breaks.
 
     Args:
         arm: The arm.
-        solutions: The point's real solutions over the candidate grid, limits not looked at, NaN
-            where not real, shape (..., joints).
+        q: The real solution that leaves the ranges least, NaN if there is none, shape (joints,).
 
     Returns:
         One line: joint, value needed, range, by how much.
     """
-    q = solutions.reshape(-1, arm.n)
-    q = q[np.isfinite(q).all(axis=1)]
-    if not len(q):
-        return "no posture brings the nozzle to this position and direction"
-    g = q @ arm.limit_matrix.T
-    over = np.maximum(np.maximum(arm.limit_lower - g, g - arm.limit_upper), 0.0)
-    worst = (over / (arm.limit_upper - arm.limit_lower)).max(axis=1)
-    best = int(worst.argmin())
-    if not worst[best] > 0.0:
-        return "reachable by itself, but not kept by the solution of the path"
-    share = over[best] / (arm.limit_upper - arm.limit_lower)
+    if not np.isfinite(q).all():
+        return NO_POSTURE
+    share = limit_excess(arm, q)
     i = int(share.argmax())
-    return _describe(arm.joints[i], float(g[best, i]), float(over[best, i]))
+    if not share[i] > 0.0:
+        return NOT_KEPT
+    joint = arm.joints[i]
+    return _describe(joint, float(arm.limit_matrix[i] @ q), float(share[i]) * (joint.upper - joint.lower))
 
 
 def _describe(joint: JointInfo, value: float, over: float) -> str:
@@ -37,9 +44,8 @@ def _describe(joint: JointInfo, value: float, over: float) -> str:
     name = f"joint {joint.number} {joint.name}" + (f" ({quantity})" if quantity else "")
     if joint.prismatic:
         what = "out of reach: " if value > joint.upper else "too near: "
-        return f"{what}{name} needs {value:.2f} m, allowed {joint.lower:g}..{joint.upper:g} m ({over:.2f} m beyond)"
+        allowed = f"{joint.lower:g}..{joint.upper:g} m"
+        return f"{what}{name} needs {value:.2f} m, allowed {allowed} ({over:.2f} m beyond)"
     value_deg, low_deg, high_deg = (float(np.degrees(x)) for x in (value, joint.lower, joint.upper))
-    return (
-        f"{name} needs {value_deg:.1f} deg, allowed {low_deg:g}..{high_deg:g} deg "
-        f"({np.degrees(over):.1f} deg beyond)"
-    )
+    allowed = f"{low_deg:g}..{high_deg:g} deg"
+    return f"{name} needs {value_deg:.1f} deg, allowed {allowed} ({np.degrees(over):.1f} deg beyond)"

@@ -23,6 +23,10 @@ TASK_STIFFNESS = 1e8
 HARD_LIMIT = 1e4
 """How much dearer than the margin a joint beyond its limit is."""
 
+INSIDE = 1e-3
+"""Share of a range inside its end at which a joint counts as beyond, so that the balance of stiff terms
+still lies within the limit."""
+
 FIRST_DAMPING = 1.0
 """Damping of the first round [1/m]: small against 1 / distance."""
 
@@ -41,7 +45,7 @@ class Cost:
         metric: Squared travel time per squared unit of each joint [s^2/rad^2, s^2/m^2], (joints,).
         middle: Middle of the limited quantities [rad, m], (joints,).
         half: Half their ranges less the margin, (joints,).
-        limit_half: Half their ranges, (joints,).
+        limit_half: Half their ranges less a hair, (joints,).
         centre: Weight of leaving the middle, per squared half range, (joints,).
         limit: Weight of entering the margin, per squared half range, (joints,).
     """
@@ -62,7 +66,7 @@ def make_cost(arm: Arm, model: PathModel) -> Cost:
         metric=(arm.travel_weight / arm.max_speed) ** 2,
         middle=(arm.limit_upper + arm.limit_lower) / 2,
         half=half * (1.0 - 2.0 * model.margin_fraction),
-        limit_half=half,
+        limit_half=half * (1.0 - INSIDE),
         centre=model.centre_weight * scale / half**2,
         limit=model.limit_weight * scale / half**2,
     )
