@@ -4,7 +4,7 @@ import multiprocessing
 
 import numpy as np
 
-from ascrcp.core.errors import DeviceError
+from ascrcp.core.errors import DeviceError, InputError
 from ascrcp.core.geometry import Array
 from ascrcp.simulation.heading import Heading
 from ascrcp.simulation.lidar_model import LidarConfig
@@ -24,12 +24,17 @@ class LidarServer:
     Args:
         config: The scanner.
         heading: What it looks at.
-        seed: Seed of its noise.
+        seed: Seed of its noise, 0 or above.
+
+    Raises:
+        InputError: A negative seed.
     """
 
     host = HOST
 
     def __init__(self, config: LidarConfig, heading: Heading, seed: int) -> None:
+        if not seed >= 0:
+            raise InputError(f"seed {seed}, allowed 0 or above")
         context = multiprocessing.get_context("spawn")
         self._poses = PoseBoard(context)
         self._pipe, theirs = context.Pipe()

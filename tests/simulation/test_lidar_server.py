@@ -10,7 +10,7 @@ import pytest
 from tunnel_case import CIRCLE, LIDAR, SMOOTH, TUNNEL
 
 from ascrcp.core.config import load
-from ascrcp.core.errors import DeviceError
+from ascrcp.core.errors import DeviceError, InputError
 from ascrcp.core.geometry import Array, rotation, transform
 from ascrcp.core.paths import CONFIG
 from ascrcp.devices import lidar_telegram as cola
@@ -157,7 +157,9 @@ def test_process_sends_the_same_bytes_as_its_node_and_its_end_is_an_error(rough:
     server.close()
 
 
-def test_unknown_names_and_values_are_refused(server: LidarServer) -> None:
+def test_unknown_names_and_values_are_refused(server: LidarServer, smooth: Heading) -> None:
+    with pytest.raises(InputError, match="seed -1"):
+        LidarServer(load(LIDAR, LidarConfig), smooth, seed=-1)
     with pytest.raises(DeviceError, match="unknown fault"):
         server.inject("lightning")
     with pytest.raises(DeviceError, match="finite"):
