@@ -144,7 +144,7 @@ def _compile(message: Message, path: Path) -> Layout:
                 start=signal.start,
                 mask=(1 << signal.length) - 1,
                 sign_bit=1 << (signal.length - 1) if signal.is_signed else 0,
-                scale=signal.scale,
+                scale=float(signal.scale),
                 minimum=float(signal.minimum),
                 maximum=float(signal.maximum),
                 unit=signal.unit or "",

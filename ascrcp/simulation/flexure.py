@@ -1,4 +1,4 @@
-"""Bending of the boom: static sag and one lightly damped mode up-down and sideways, at the nozzle.
+"""Bending of the boom: static sag and one lightly damped mode up-down and sideways.
 
 The coefficients are the rig's own (config/simulation/arm.yaml): the platform's sag model has others.
 The joint sensors sit near the pivots and do not see the bending.
@@ -11,12 +11,14 @@ import numpy as np
 from ascrcp.core.geometry import Array
 from ascrcp.simulation.parameter import FlexureConfig, ModeConfig
 
+MAX_OVERHANG = 1.2  # nozzle reach over lance reach; more occurs only with the lance pointing up
+
 
 class Mode:
     """An oscillator on an accelerated support, advanced exactly for a held acceleration.
 
     Attributes:
-        deflection: Of the nozzle against the rigid arm [m].
+        deflection: Of the lance's end against the rigid arm [m].
     """
 
     def __init__(self, config: ModeConfig) -> None:
@@ -28,7 +30,7 @@ class Mode:
         """Advance one step.
 
         Args:
-            acceleration: Of the rigid nozzle along this direction [m/s2].
+            acceleration: Of the rigid lance's end along this direction [m/s2].
             softness: Factor on the natural frequency from reach and payload.
             step_s: Step [s].
         """
@@ -66,26 +68,27 @@ class Flexure:
         self._stroke = 0.0
         self._reach = config.reference_reach
 
-    def advance(self, nozzle: tuple[float, float, float], flow: float, step_s: float) -> None:
+    def advance(self, end: tuple[float, float, float], flow: float, step_s: float) -> None:
         """Advance the modes by one cycle.
 
         Args:
-            nozzle: Position of the rigid nozzle at the end of the cycle [m], base frame.
+            end: Position of the rigid lance's end [m], base frame; joints 7 and 8 behind it move
+                too little mass to shake the boom.
             flow: Concrete flow, fraction 0..1; the pump's strokes shake the boom.
             step_s: Cycle [s].
         """
-        last = self._last or nozzle
-        velocity = tuple((new - old) / step_s for new, old in zip(nozzle, last, strict=True))
+        last = self._last or end
+        velocity = tuple((new - old) / step_s for new, old in zip(end, last, strict=True))
         ax, ay, az = ((new - old) / step_s for new, old in zip(velocity, self._velocity, strict=True))
-        self._last = nozzle
+        self._last = end
         self._velocity = (velocity[0], velocity[1], velocity[2])
-        reach = math.hypot(nozzle[0], nozzle[1])
+        reach = math.hypot(end[0], end[1])
         self._reach = reach
         c = self._config
         softness = self._mass_factor
         if reach > 0.1 * c.reference_reach:
             softness *= (c.reference_reach / reach) ** c.frequency_exponent
-            sideways = (nozzle[0] * ay - nozzle[1] * ax) / reach
+            sideways = (end[0] * ay - end[1] * ax) / reach
         else:
             softness *= 10.0**c.frequency_exponent
             sideways = 0.0
@@ -112,8 +115,9 @@ class Flexure:
         reach = math.hypot(x, y)
         if reach < 1e-6:
             return T
-        # a mode's shape falls off towards the pivot like the square of the way along the boom
-        shape = min(1.0, reach / self._reach) ** 2 if self._reach > 0.0 else 0.0
+        # a mode's shape grows like the square of the way along the boom; the nozzle is beyond its end
+        ratio = reach / self._reach if self._reach > 0.0 else 1.0
+        shape = min(ratio, MAX_OVERHANG) ** 2
         up = shape * self.vertical.deflection - self.sag(reach)
         left = shape * self.lateral.deflection
         ex, ey = x / reach, y / reach

@@ -158,12 +158,12 @@ class OilConfig(Struct):
 
 
 class ModeConfig(Struct):
-    """One bending mode of the boom, seen at the nozzle.
+    """One bending mode of the boom, seen at the end of the lance.
 
     Attributes:
         frequency_hz: Natural frequency at the reference reach without payload.
         damping: Damping ratio.
-        participation: Share of the nozzle's acceleration that excites it.
+        participation: Share of the lance end's acceleration that excites it.
     """
 
     frequency_hz: Annotated[float, msgspec.Meta(ge=0.2, le=10.0)]
@@ -175,7 +175,7 @@ class FlexureConfig(Struct):
     """Sag and vibration of the boom.
 
     Attributes:
-        reference_reach: Horizontal reach of the nozzle at which the figures hold [m].
+        reference_reach: Horizontal reach at which the figures hold [m].
         sag_mm: Sag of the empty arm there.
         payload_sag_mm: Further sag under the full hose there.
         exponent: Power of the reach with which sag grows.

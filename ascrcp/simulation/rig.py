@@ -4,6 +4,7 @@ The platform meets it only through frames. The truth (true_q, true_nozzle) is fo
 the simulated lidar, which hangs on the same arm.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -109,15 +110,16 @@ class Rig:
         self._readings = [0.0] * JOINTS
         self._drive: tuple[float, ...] = (0.0,) * JOINTS
         self._settle()
+        self._bend()
 
     def _settle(self) -> None:
         """Compute the pose the machine stands in."""
         q = self._hydraulics.q
         self._q = (self._slew.advance(q[0]), *q[1:])
         self._T_rigid = self._arm.forward(self._q)
-        x, y, z = self._T_rigid[:3, 3].tolist()
-        self._nozzle = (x, y, z)
-        self._reach = float(np.hypot(x, y))
+        self._T_mount = self._arm.lidar(self._q)
+        x, y = self._T_rigid[:2, 3].tolist()
+        self._reach = math.hypot(x, y)
 
     def step(self, now_ns: int) -> None:
         """Live through one 20 ms cycle that ends now: obey the commands that came, move, report.
@@ -135,8 +137,15 @@ class Rig:
         self._machine.advance(self._controller.pump(now_ns), CYCLE_S)
         self._pan.advance(CYCLE_S)
         self._settle()
-        self._flexure.advance(self._nozzle, self._machine.flow, CYCLE_S)
+        x, y, z = self._T_mount[:3, 3].tolist()
+        self._flexure.advance((x, y, z), self._machine.flow, CYCLE_S)
+        self._bend()
         self._publish()
+
+    def _bend(self) -> None:
+        """Compute where sag and vibration put nozzle and lidar."""
+        self._T_nozzle = self._flexure.bend(self._T_rigid)
+        self._T_lidar = self._flexure.bend(self._T_mount)
 
     def _publish(self) -> None:
         readings = self._transducers.read(self._hydraulics.q, CYCLE_S)
@@ -225,8 +234,8 @@ class Rig:
 
     def true_nozzle(self) -> Array:
         """Return T_base_tool as it really is, shape (4, 4): with sag and vibration."""
-        return self._flexure.bend(self._T_rigid)
+        return self._T_nozzle
 
     def T_base_mount(self) -> Array:  # noqa: N802, a transform's name (design.md section 1)
         """Return the pose of the lidar's mount as it really is, shape (4, 4)."""
-        return self._flexure.bend(self._arm.lidar(self._q))
+        return self._T_lidar
