@@ -33,7 +33,7 @@ def find_axis(points: NDArray[np.float32], profile: Profile, parameters: AxisPar
     """
     normals, flatness = estimate_normals(points)
     direction = direction_from_normals(normals, flatness, parameters.max_yaw_deg)
-    some = points[:: max(1, len(points) // _FIT_POINTS)]
+    some = points[:: 1 + len(points) // _FIT_POINTS]
     start = axis_through(match_profile(some, direction, profile), direction)
     fit = fit_axis(some, start, profile, parameters)
     check_fit(fit, profile, parameters)

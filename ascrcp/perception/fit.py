@@ -20,12 +20,14 @@ from ascrcp.perception.raster import Raster, Unrolled, raster_over, unroll
 
 _INSIDE, _OUTSIDE = 0.45, 0.45  # band about the two lines that is looked at in the first steps [m]
 _FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
+_SETTING_OUT = 0.015  # rings are not concentric: arches are set out, concrete is sprayed; placeholder [m]
 _TUKEY = 4.0  # cells farther off than this many scales are no evidence; usual choice 4..6
+_CONVERGED = 2e-5  # a smaller move ends the iteration [m, rad]
 _MIN_CELLS = 8  # a ring with fewer cells says nothing about its centre
 _SPRAYED_LENGTH = 1.5  # more of the arch line than this seen is the sprayed part, not arches [m]
 _ONE_SURFACE = 0.10  # points spread over all of the band would have 0.19 m, rock in a cell has 0.03 m
 _MIN_COMPACT = 0.6  # placeholder
-_BLOCK = 1.0  # roughness is taken as independent beyond this [m], for the uncertainty
+_BLOCK = 1.5  # roughness is taken as independent beyond this [m], for the uncertainty
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,8 @@ def fit_axis(
         move, _, weight = _solve(cells, profile, scale)
         middle = float(np.average(cells.station, weights=weight))
         axis = _moved(axis, move, middle)
+        if not wide and scale <= _FLOOR and float(np.abs(move).max()) < _CONVERGED:
+            break
         scale = max(_FLOOR, scale * 0.5)
     flat = unroll(points, axis, profile)
     cells = _gather(flat, profile, parameters, wide=False)
@@ -211,7 +215,7 @@ def _solve(cells: _Cells, profile: Profile, scale: float) -> tuple[Array, Array,
     ring = cells.ring
     error = cells.offset - _medians(cells.offset, ring)[ring]
     sigma = np.maximum(1.4826 * _medians(np.abs(error), ring), scale)[ring]
-    weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / sigma**2
+    weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / (sigma**2 + _SETTING_OUT**2)
     lever = cells.station - np.average(cells.station, weights=weight)
     normal = profile.normal(cells.along)
     design = np.column_stack([normal, normal * lever[:, None]])
@@ -232,7 +236,7 @@ def _ring_mean(value: Array, weight: Array, ring: NDArray[np.int64], total: Arra
 
 
 def _spread(cells: _Cells, design: Array, score: Array, information: Array) -> Array:
-    """Standard deviations when roughness is alike within blocks of 1 m (sandwich estimate)."""
+    """Standard deviations when roughness is alike within blocks (sandwich estimate)."""
     block = np.floor(cells.station / _BLOCK).astype(np.int64) * 1000 + (cells.along / _BLOCK).astype(np.int64)
     _, block = np.unique(block, return_inverse=True)
     sums = np.stack([np.bincount(block, score * column) for column in design.T], axis=-1)

@@ -1,0 +1,277 @@
+"""Recognise the steel arches: four slices in a row with 3 m of arc at the arch line (thesis figure 3-18).
+
+An arch leans, so it crosses many slices at right angles to the axis and fills none. The slices are
+therefore laid along the arch: a vote over station, lean and skew finds candidates, a fit places
+them, and the thesis's rule decides on slices that lean with the candidate.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.flow import Arch
+from ascrcp.core.geometry import Array
+from ascrcp.core.profile import Profile
+from ascrcp.perception.parameter import ArchParameters, SectionParameters
+from ascrcp.perception.raster import Unrolled, raster_over
+
+_ROW = 0.025  # half a slice: an arch cut anywhere still fills slices of this length [m]
+_LEAN_STEP_DEG = 0.5
+_MAX_SKEW_DEG = 3.0  # turned about the vertical; placeholder
+_SKEW_STEP_DEG = 1.0
+_MAX_ARCHES = 12
+_REACH = 0.05  # an arch's edges are looked for this far beyond half its width [m]
+_TOO_WIDE = 1.75  # times the width: more of the arch line in a row is sprayed surface, not an arch
+
+
+@dataclass(frozen=True)
+class Ring:
+    """The middle plane of one arch: station = station + lean * z + skew * y, in the tunnel frame.
+
+    Attributes:
+        station: Where the plane meets the axis [m].
+        lean: Metres of station per metre of height.
+        skew: Metres of station per metre to the left.
+        width: Along the axis [m].
+        along: First and last arc length at which it was seen [m].
+    """
+
+    station: float
+    lean: float
+    skew: float
+    width: float
+    along: tuple[float, float]
+
+    def distance(self, station: Array, yz: Array) -> Array:
+        """Signed distance along the axis from the plane [m], shape (n,)."""
+        return station - self.station - self.lean * yz[:, 1] - self.skew * yz[:, 0]
+
+
+@dataclass(frozen=True)
+class _Line:
+    """Counts of points near the arch line on a raster of half slices."""
+
+    station: Array  # of every row, shape (rows,)
+    yz: Array  # of every column at the arch line, shape (columns, 2)
+    at_line: NDArray[np.bool_]  # cells whose points are at or inside R1, shape (rows, columns)
+
+
+def find_arches(
+    wall: Unrolled,
+    first: float,
+    last: float,
+    profile: Profile,
+    parameters: ArchParameters,
+    section: SectionParameters,
+) -> list[Ring]:
+    """Find the arches between two stations.
+
+    Args:
+        wall: Points of the wall band.
+        first: Where the sprayed part ends [m]: it lies at the arch line too and is left out.
+        last: Face [m].
+        profile: Design profile.
+        parameters: The rule's numbers.
+        section: Column width.
+
+    Returns:
+        Arches by rising station.
+    """
+    keep = (wall.station > first) & (wall.station < last)
+    keep &= wall.offset > profile.arch_line - parameters.inward
+    wall = wall.pick(keep)
+    if last - first < profile.arch_width or len(wall) < 100:
+        return []
+    hit = wall.offset <= profile.arch_line + parameters.tolerance
+    line = _count(wall, hit, first, last, profile, parameters, section)
+    at_line = line.at_line.copy()
+    found: list[Ring] = []
+    for _ in range(_MAX_ARCHES):
+        guess = _vote(line, at_line, profile, parameters)
+        if guess is None:
+            break
+        ring = _place(wall, hit, guess, profile, section)
+        kept = None if ring is None else _checked(wall, hit, ring, profile, parameters, section)
+        if kept is not None and all(abs(kept.station - r.station) > profile.arch_width for r in found):
+            found.append(kept)
+        mid = (kept or guess).station + line.yz @ [(kept or guess).skew, (kept or guess).lean]
+        at_line &= np.abs(line.station[:, None] - mid) > profile.arch_width / 2 + _REACH
+    return sorted(found, key=lambda r: r.station)
+
+
+def to_arch(ring: Ring, profile: Profile) -> Arch:
+    """Describe a ring as the flow's Arch, whose station counts at the crown."""
+    angle = np.degrees(profile.angle(np.array(ring.along)))
+    return Arch(
+        station=ring.station + ring.lean * crown_height(profile),
+        width=ring.width,
+        lean_deg=float(np.degrees(np.arctan(ring.lean))),
+        span_deg=(float(angle[0]), float(angle[1])),
+    )
+
+
+def crown_height(profile: Profile) -> float:
+    """Height of the design line's crown above the axis [m]."""
+    return float(profile.point(np.linspace(0.0, profile.length, 1001))[:, 1].max())
+
+
+def _count(
+    wall: Unrolled,
+    hit: NDArray[np.bool_],
+    first: float,
+    last: float,
+    profile: Profile,
+    parameters: ArchParameters,
+    section: SectionParameters,
+) -> _Line:
+    raster = raster_over(first, last, _ROW, section.column, profile)
+    index = raster.index(wall.station, wall.along)
+    count, inside = raster.total(index), raster.total(index, hit.astype(float))
+    at_line = (count > 0) & (inside >= parameters.share * count)
+    return _Line(raster.station, profile.point(raster.along, profile.arch_line), at_line)
+
+
+def _vote(
+    line: _Line, at_line: NDArray[np.bool_], profile: Profile, parameters: ArchParameters
+) -> Ring | None:
+    """Find the plane with the most arc at the arch line within an arch's width and little beside it."""
+    row, column = np.nonzero(at_line)
+    if len(row) < 10:
+        return None
+    width = max(1, round(profile.arch_width / _ROW))
+    # cells just beside the arch speak against a place, so that its middle wins
+    kernel = np.concatenate([-0.5 * np.ones(width // 2), np.ones(width), -0.5 * np.ones(width // 2)])
+    start = line.station[0] - 2.0
+    best, guess = 0.6 * parameters.arc, None
+    for lean in np.tan(np.radians(_steps(parameters.max_lean_deg, _LEAN_STEP_DEG))):
+        for skew in np.tan(np.radians(_steps(_MAX_SKEW_DEG, _SKEW_STEP_DEG))):
+            shift = line.yz @ [skew, lean]
+            level = np.floor((line.station[row] - shift[column] - start) / _ROW).astype(np.int64)
+            score = np.convolve(np.bincount(np.maximum(level, 0)), kernel, mode="same")
+            top = int(score.argmax())
+            arc = float(score[top]) / width * float(np.hypot(*(line.yz[1] - line.yz[0])))
+            if arc > best * (1.0 + 0.01 * (skew != 0.0)):
+                best = arc
+                # an even kernel is centred half a row below its middle
+                guess = Ring(start + (top + 0.0) * _ROW, float(lean), float(skew), profile.arch_width, (0, 0))
+    return guess
+
+
+def _steps(limit_deg: float, step_deg: float) -> Array:
+    n = int(np.floor(limit_deg / step_deg))
+    return np.arange(-n, n + 1) * step_deg
+
+
+def _place(
+    wall: Unrolled, hit: NDArray[np.bool_], guess: Ring, profile: Profile, section: SectionParameters
+) -> Ring | None:
+    """Fit station, lean and skew to the middles between both edges of the flange, column by column."""
+    ring = guess
+    half = profile.arch_width / 2 + _REACH
+    columns = int(np.ceil(profile.length / section.column))
+    for _ in range(4):
+        distance = ring.distance(wall.station, wall.yz)
+        on = hit & (np.abs(distance) < half)
+        column = np.minimum((wall.along[on] / section.column).astype(np.int64), columns - 1)
+        low, high = np.full(columns, np.inf), np.full(columns, -np.inf)
+        np.minimum.at(low, column, distance[on])
+        np.maximum.at(high, column, distance[on])
+        width = high - low
+        good = np.flatnonzero((width > 0.5 * profile.arch_width) & (width < 1.3 * profile.arch_width))
+        if len(good) < 8:
+            return None
+        yz = profile.point((good + 0.5) * section.column, profile.arch_line)
+        fit = _robust_plane((low[good] + high[good]) / 2, yz)
+        ring = Ring(
+            ring.station + float(fit[0]),
+            ring.lean + float(fit[1]),
+            ring.skew + float(fit[2]),
+            float(np.median(width[good])),
+            ring.along,
+        )
+    return ring
+
+
+def _robust_plane(middle: Array, yz: Array) -> Array:
+    """Fit middle = a + b z + c y with weights against bumps that touch the arch, shape (3,)."""
+    design = np.column_stack([np.ones(len(middle)), yz[:, 1], yz[:, 0]])
+    prior = np.diag([0.0, 1e-3, 1.0]) * len(middle) * 1e-2  # a short stretch must not invent skew
+    weight = np.ones(len(middle))
+    solution = np.zeros(3)
+    for _ in range(5):
+        normal = (design * weight[:, None]).T @ design + prior
+        solution = np.linalg.solve(normal, design.T @ (weight * middle))
+        error = middle - design @ solution
+        scale = max(0.004, 1.4826 * float(np.median(np.abs(error))))
+        weight = np.maximum(0.0, 1.0 - (error / (4.0 * scale)) ** 2) ** 2
+    return solution
+
+
+def _checked(
+    wall: Unrolled,
+    hit: NDArray[np.bool_],
+    ring: Ring,
+    profile: Profile,
+    parameters: ArchParameters,
+    section: SectionParameters,
+) -> Ring | None:
+    """Apply the rule of figure 3-18 on half slices that lean with the candidate.
+
+    n slices of 5 cm cut anywhere cover at least 2 n - 2 whole half slices of an arch.
+    """
+    if not abs(np.degrees(np.arctan(ring.lean))) <= parameters.max_lean_deg:
+        return None
+    half = profile.arch_width * 1.5
+    raster = raster_over(-half, half, _ROW, section.column, profile)
+    index = raster.index(ring.distance(wall.station, wall.yz), wall.along)
+    count, inside = raster.total(index), raster.total(index, hit.astype(float))
+    # a half slice holds few points: ask for less than the share in one column, for all of it in the arc
+    rule = [
+        stretch(inside[i], count[i], parameters.share)[2] * raster.column >= parameters.arc
+        for i in range(raster.shape[0])
+    ]
+    run = _longest(rule)
+    if not 2 * parameters.slices - 2 <= run <= _TOO_WIDE * profile.arch_width / _ROW:
+        return None
+    middle = np.abs(raster.station) < 0.4 * profile.arch_width
+    first, last, _ = stretch(inside[middle].sum(axis=0), count[middle].sum(axis=0), parameters.share)
+    span = (first * raster.column, (last + 1) * raster.column)
+    return Ring(ring.station, ring.lean, ring.skew, ring.width, span)
+
+
+def stretch(inside: Array, count: Array, share: float) -> tuple[int, int, int]:
+    """Find the longest stretch of columns in which at least `share` of those seen are at the line.
+
+    A column is at the line if at least `share` of its points are. Columns without points neither
+    help nor hurt: what stands before the wall must not end an arch.
+
+    Args:
+        inside: Points at or inside R1 in each column, shape (columns,).
+        count: All points in each column, shape (columns,).
+        share: Share wanted.
+
+    Returns:
+        First column, last column, and how many columns of them were seen.
+    """
+    seen = np.flatnonzero(count > 0)
+    if not len(seen):
+        return 0, -1, 0
+    gain = np.where(inside[seen] >= share * count[seen], 1.0 - share, -share)
+    total = np.concatenate([[0.0], np.cumsum(gain)])
+    # the farthest later place at which the sum is not lower: running maximum from the right
+    reach = np.maximum.accumulate(total[::-1])[::-1]
+    best = (0, -1, 0)
+    for i in range(len(seen)):
+        j = len(reach) - 1 - int(np.searchsorted(reach[::-1], total[i] - 1e-9))
+        if j - i > best[2]:
+            best = (int(seen[i]), int(seen[j - 1]), j - i)
+    return best
+
+
+def _longest(flags: list[bool]) -> int:
+    best = run = 0
+    for flag in flags:
+        run = run + 1 if flag else 0
+        best = max(best, run)
+    return best

@@ -1,0 +1,86 @@
+"""Features as the outside world reads them: Surface -> features.json (design.md section 9)."""
+
+from typing import Any
+
+import numpy as np
+
+from ascrcp.core.flow import Arch, Bay, Overbreak, Surface
+from ascrcp.perception.arch import crown_height
+
+
+def build_features(surface: Surface, points_in: int, timing: dict[str, float]) -> dict[str, Any]:
+    """Describe a recognised heading in plain values, metres and degrees.
+
+    Stations of arches are where their middle plane meets the axis (what "metres along the tunnel
+    axis" means for a plane that leans); `station_crown` is the same plane at the crown.
+
+    Args:
+        surface: The recognised heading.
+        points_in: Points in the cloud before the crop.
+        timing: Seconds per step.
+
+    Returns:
+        Values that json writes as they are.
+    """
+    volume = sum(region.volume_m3 for region in surface.overbreak)
+    return {
+        "axis": {
+            "point": _list(surface.axis.point),
+            "direction": _list(surface.axis.direction),
+            "direction_sigma_deg": float(surface.axis.direction_sigma_deg),
+            "position_sigma_m": float(surface.axis.position_sigma),
+            "evidence": list(surface.axis.evidence),
+        },
+        "unsprayed": _list(surface.unsprayed),
+        "arches": [_arch(arch, crown_height(surface.profile)) for arch in surface.arches],
+        "overbreak": [_overbreak(region) for region in surface.overbreak],
+        "overbreak_volume_m3": float(volume),
+        "overbreak_volume_shadow_m3": shadow_volume(surface),
+        "bays": [_bay(bay) for bay in surface.bays],
+        "profile": surface.profile.name,
+        "points": {"in": int(points_in), "kept": len(surface.points)},
+        "timing_s": {**timing, "total": float(sum(timing.values()))},
+    }
+
+
+def shadow_volume(surface: Surface) -> float:
+    """Estimate the overbreak in cells that were not seen but filled [m3]."""
+    line = surface.profile.overbreak_line
+    mine = surface.filled & (surface.station > surface.unsprayed[0])[:, None]
+    if not mine.any():
+        return 0.0
+    depth = np.where(mine, np.maximum(np.nan_to_num(surface.offset, nan=line) - line, 0.0), 0.0)
+    starts = surface.profile.arc_starts
+    arc = np.clip(np.searchsorted(starts, surface.along, side="right") - 1, 0, len(starts) - 2)
+    radius = np.array([a.radius for a in surface.profile.arcs])[arc]
+    cell = float(surface.station[1] - surface.station[0]) * float(surface.along[1] - surface.along[0])
+    return float(np.sum(cell * depth * (1.0 + (line + depth / 2) / radius)))
+
+
+def _arch(arch: Arch, crown: float) -> dict[str, Any]:
+    return {
+        "station": float(arch.station - np.tan(np.radians(arch.lean_deg)) * crown),
+        "station_crown": float(arch.station),
+        "width": float(arch.width),
+        "lean_deg": float(arch.lean_deg),
+        "span_deg": _list(arch.span_deg),
+    }
+
+
+def _overbreak(region: Overbreak) -> dict[str, Any]:
+    return {
+        "station": _list(region.station),
+        "angle_deg": _list(region.angle_deg),
+        "area_m2": float(region.area_m2),
+        "volume_m3": float(region.volume_m3),
+        "max_depth_m": float(region.max_depth_m),
+        "confidence": float(region.confidence),
+    }
+
+
+def _bay(bay: Bay) -> dict[str, Any]:
+    return {"station": _list(bay.station), "arch_before": bay.arch_before, "arch_after": bay.arch_after}
+
+
+def _list(values: Any) -> list[float]:
+    return [float(value) for value in values]

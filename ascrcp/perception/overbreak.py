@@ -1,0 +1,121 @@
+"""Recognise overbreak: runs of 20 cm beyond R2 along the arc, joined over slices (thesis figures 3-15, 3-16)."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+
+from ascrcp.core.flow import Overbreak
+from ascrcp.core.geometry import Array
+from ascrcp.core.profile import Profile
+from ascrcp.perception.parameter import OverbreakParameters
+from ascrcp.perception.section import Extent
+from ascrcp.perception.wall import Wall
+
+_AROUND = np.ones((3, 3), dtype=bool)
+
+
+def find_overbreak(
+    wall: Wall, extent: Extent, profile: Profile, parameters: OverbreakParameters
+) -> tuple[list[Overbreak], NDArray[np.bool_]]:
+    """Find the overbreak regions of the unsprayed part.
+
+    Args:
+        wall: Unrolled wall.
+        extent: Where the unsprayed part lies.
+        profile: Design profile.
+        parameters: The rule's numbers and the smallest region worth naming.
+
+    Returns:
+        Regions by falling volume seen, and the cells that belong to them, shape (ns, na).
+    """
+    line = profile.overbreak_line
+    unsprayed = wall.raster.station > extent.sprayed_end
+    with np.errstate(invalid="ignore"):
+        deep = (wall.offset > line) & unsprayed[:, None]
+    seen = deep & ~wall.filled & beyond_runs(wall, line, parameters)
+    # cells in shadow join what is seen on both sides of an arch, but found nothing themselves
+    parts, count = label(seen | (deep & wall.filled), structure=_AROUND)
+    area, volume = cell_area(wall, profile), cell_volume(wall, profile)
+    regions: list[tuple[Overbreak, int]] = []
+    for part in range(1, count + 1):
+        mine = (parts == part) & seen
+        if area[mine].sum() < parameters.min_area:
+            continue
+        depth = float((wall.offset[mine] - line).max())
+        if depth >= parameters.min_depth:
+            regions.append((_region(wall, parts == part, mine, area, volume, depth, profile), part))
+    regions.sort(key=lambda r: -r[0].volume_m3)
+    chosen = np.isin(parts, [part for _, part in regions])
+    return [region for region, _ in regions], chosen
+
+
+def beyond_runs(wall: Wall, line: float, parameters: OverbreakParameters) -> NDArray[np.bool_]:
+    """Mark cells within a run along the arc in which enough of the points lie beyond R2.
+
+    A cell that was bridged over a sampling gap counts as one point.
+    """
+    bridged = (wall.count == 0) & ~np.isnan(wall.offset) & ~wall.filled
+    with np.errstate(invalid="ignore"):
+        beyond = np.where(bridged, wall.offset > line, wall.beyond)
+    count = np.where(bridged, 1.0, wall.count)
+    cells = max(1, round(parameters.run / wall.raster.column))
+    if count.shape[1] < cells:
+        return np.zeros(count.shape, dtype=bool)
+    points = np.lib.stride_tricks.sliding_window_view(count, cells, axis=1).sum(axis=-1)
+    outside = np.lib.stride_tricks.sliding_window_view(beyond, cells, axis=1).sum(axis=-1)
+    run = (points >= cells / 2) & (outside >= parameters.share * points)
+    marked = np.zeros(count.shape, dtype=bool)
+    for shift in range(cells):
+        marked[:, shift : shift + run.shape[1]] |= run
+    return marked
+
+
+def curvature(wall: Wall, profile: Profile) -> Array:
+    """Curvature of the design line at the columns [1/m], shape (na,)."""
+    starts = profile.arc_starts
+    arc = np.clip(np.searchsorted(starts, wall.raster.along, side="right") - 1, 0, len(profile.arcs) - 1)
+    return 1.0 / np.array([a.radius for a in profile.arcs])[arc]
+
+
+def cell_area(wall: Wall, profile: Profile) -> Array:
+    """Area of each cell on the overbreak line [m2], shape (ns, na)."""
+    flat = wall.raster.row * wall.raster.column
+    row = flat * (1.0 + profile.overbreak_line * curvature(wall, profile))
+    return np.broadcast_to(row, wall.offset.shape)
+
+
+def cell_volume(wall: Wall, profile: Profile) -> Array:
+    """Volume of each cell between overbreak line and wall [m3], 0 where the wall lies inside, (ns, na).
+
+    Of a ring sector: the cell widens with the radius.
+    """
+    line = profile.overbreak_line
+    depth = np.maximum(np.nan_to_num(wall.offset, nan=line) - line, 0.0)
+    widening = 1.0 + curvature(wall, profile) * (line + depth / 2)
+    return np.asarray(wall.raster.row * wall.raster.column * depth * widening)
+
+
+def _region(
+    wall: Wall,
+    whole: NDArray[np.bool_],
+    seen: NDArray[np.bool_],
+    area: Array,
+    volume: Array,
+    depth: float,
+    profile: Profile,
+) -> Overbreak:
+    rows, columns = np.nonzero(whole)
+    half_row, half_column = wall.raster.row / 2, wall.raster.column / 2
+    station = wall.raster.station[[rows.min(), rows.max()]] + [-half_row, half_row]
+    along = wall.raster.along[[columns.min(), columns.max()]] + [-half_column, half_column]
+    angle = np.degrees(profile.angle(along))
+    # what was seen of it, times how clearly its points lie beyond the line
+    clear = float(wall.beyond[seen].sum() / max(1.0, wall.count[seen].sum()))
+    return Overbreak(
+        station=(float(station[0]), float(station[1])),
+        angle_deg=(float(angle[0]), float(angle[1])),
+        area_m2=float(area[seen].sum()),
+        volume_m3=float(volume[seen].sum()),
+        max_depth_m=depth,
+        confidence=float(seen.sum() / whole.sum()) * clear,
+    )

@@ -1,0 +1,118 @@
+"""The unrolled wall without arches: mean offset of every 5 cm cell, shadows filled and marked as filled."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.geometry import Array
+from ascrcp.core.profile import Profile
+from ascrcp.perception.arch import Ring
+from ascrcp.perception.parameter import WallParameters
+from ascrcp.perception.raster import Raster, Unrolled, raster_over
+from ascrcp.perception.section import Extent, between
+
+_SIDE = 0.03  # the arch's own side is seen this far beyond its flange [m]
+_EDGE = 3  # cells at an open end (face, edge of the sprayed part) that take their neighbour's value
+
+
+@dataclass(frozen=True)
+class Wall:
+    """Rock and sprayed surface on the raster.
+
+    Attributes:
+        raster: Cells, station x arc length.
+        offset: Outward from the design line [m], NaN where unknown, shape (ns, na).
+        filled: Cells in shadow whose offset was filled in, shape (ns, na).
+        count: Points in each cell, shape (ns, na).
+        beyond: Those beyond the overbreak line, shape (ns, na).
+    """
+
+    raster: Raster
+    offset: Array
+    filled: NDArray[np.bool_]
+    count: Array
+    beyond: Array
+
+
+def is_arch(flat: Unrolled, rings: list[Ring], profile: Profile, side: float = 0.0) -> NDArray[np.bool_]:
+    """Mark points on the steel, as against the wall seen behind it, shape (n,)."""
+    steel = np.zeros(len(flat), dtype=bool)
+    for ring in rings:
+        steel |= np.abs(ring.distance(flat.station, flat.yz)) < ring.width / 2 + side
+    return steel & (flat.offset < between(profile))
+
+
+def build_wall(
+    wall: Unrolled, extent: Extent, rings: list[Ring], profile: Profile, parameters: WallParameters
+) -> Wall:
+    """Average the wall's points over cells, from a little before the unsprayed part to the face.
+
+    Args:
+        wall: Points that may be wall.
+        extent: Where the unsprayed part lies.
+        rings: Arches, whose points are left out.
+        profile: Design profile.
+        parameters: Cells, gaps and shadows.
+
+    Returns:
+        The wall; a row begins exactly at the edge of the sprayed part.
+    """
+    cell = parameters.cell
+    behind = min(parameters.behind, extent.sprayed_end - extent.first)
+    before = max(0, int(np.floor(behind / cell)))
+    start = extent.sprayed_end - before * cell
+    raster = raster_over(start, max(extent.end, start + 2 * cell), cell, cell, profile)
+    rock = wall.pick(
+        ~is_arch(wall, rings, profile, _SIDE) & (wall.station >= start) & (wall.station < extent.end)
+    )
+    index = raster.index(rock.station, rock.along)
+    mean, count = raster.mean(index, rock.offset)
+    beyond = raster.total(index, (rock.offset > profile.overbreak_line).astype(float))
+    # sprayed part and rock are different surfaces: nothing is filled across the edge between them
+    parts = [_filled(mean[:before], parameters), _filled(mean[before:], parameters)]
+    offset = np.concatenate([part[0] for part in parts])
+    filled = np.concatenate([part[1] for part in parts])
+    return Wall(raster, offset, filled, count, beyond)
+
+
+def _filled(mean: Array, parameters: WallParameters) -> tuple[Array, NDArray[np.bool_]]:
+    """Bridge sampling gaps, then fill shadows; return the grid and which cells were in shadow."""
+    if not mean.size:
+        return mean, np.zeros(mean.shape, dtype=bool)
+    grid = bridge(mean, 1, parameters.bridge)
+    grid = bridge(grid, 0, parameters.bridge)
+    unseen = np.isnan(grid)
+    longest = int(np.ceil(parameters.fill / parameters.cell))
+    grid = bridge(grid, 0, longest)
+    grid = bridge(grid, 1, longest)
+    grid = extend(grid, _EDGE)
+    return grid, np.asarray(unseen & ~np.isnan(grid))
+
+
+def bridge(grid: Array, axis: int, longest: int) -> Array:
+    """Fill runs of at most `longest` NaN between two values linearly along one direction."""
+    g = np.moveaxis(grid, axis, 0)
+    n = len(g)
+    row = np.arange(n).reshape((n,) + (1,) * (g.ndim - 1))
+    known = ~np.isnan(g)
+    before = np.maximum.accumulate(np.where(known, row, -1), axis=0)
+    after = np.minimum.accumulate(np.where(known, row, n)[::-1], axis=0)[::-1]
+    gap = ~known & (before >= 0) & (after < n) & (after - before - 1 <= longest)
+    low = np.take_along_axis(g, np.maximum(before, 0), axis=0)
+    high = np.take_along_axis(g, np.minimum(after, n - 1), axis=0)
+    part = (row - before) / np.maximum(after - before, 1)
+    return np.moveaxis(np.where(gap, low + (high - low) * part, g), 0, axis)
+
+
+def extend(grid: Array, cells: int) -> Array:
+    """Carry the first and last known value of each column outward along the axis by some rows."""
+    n = len(grid)
+    row = np.arange(n)[:, None]
+    known = ~np.isnan(grid)
+    before = np.maximum.accumulate(np.where(known, row, -1), axis=0)
+    after = np.minimum.accumulate(np.where(known, row, n)[::-1], axis=0)[::-1]
+    low = np.take_along_axis(grid, np.maximum(before, 0), axis=0)
+    high = np.take_along_axis(grid, np.minimum(after, n - 1), axis=0)
+    out = np.where(~known & (before >= 0) & (row - before <= cells), low, grid)
+    return np.where(np.isnan(out) & (after < n) & (after - row <= cells), high, out)
