@@ -8,7 +8,7 @@ from PySide6.QtWidgets import QWidget
 
 from ascrcp.core.geometry import Array
 from ascrcp.hmi.camera import NEAR, Camera
-from ascrcp.hmi.scene_part import ArmLine, label_table, path_segments
+from ascrcp.hmi.scene_part import ArmLine, label_table, path_segments, unsolved_points
 from ascrcp.hmi.theme import SceneColours, colour_fields
 from ascrcp.session.snapshot import Scene
 
@@ -114,7 +114,7 @@ class DrawnView(QWidget):
         painter = QPainter(image)
         segments = path_segments(scene)
         self._pairs(painter, scene.path[segments], "path", 1)
-        self._dots(painter, scene.path[~scene.solved], "path_unsolved", 3.0)
+        self._dots(painter, unsolved_points(scene), "path_unsolved", 3.0)
         painter.end()
         self._still = image
         return image

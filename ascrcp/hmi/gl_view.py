@@ -5,7 +5,7 @@ import pyqtgraph.opengl as gl
 from pyqtgraph import Vector
 
 from ascrcp.hmi.camera import Camera
-from ascrcp.hmi.scene_part import ArmLine, label_table, path_segments, rgb
+from ascrcp.hmi.scene_part import ArmLine, label_table, path_segments, rgb, unsolved_points
 from ascrcp.hmi.theme import SceneColours
 from ascrcp.session.snapshot import Scene
 
@@ -70,7 +70,7 @@ class GlView(gl.GLViewWidget):  # type: ignore[misc]  # pyqtgraph has no types
         self._scene = scene
         self._cloud.setData(pos=scene.points, color=self._table[scene.labels])
         self._path.setData(pos=scene.path[path_segments(scene)].reshape(-1, 3))
-        self._unsolved.setData(pos=scene.path[~scene.solved])
+        self._unsolved.setData(pos=unsolved_points(scene))
         self._done.setData(pos=np.zeros((0, 3)))
 
     def draw_progress(self, point: int) -> None:

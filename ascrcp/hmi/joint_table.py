@@ -13,7 +13,7 @@ from ascrcp.session.snapshot import Snapshot
 
 COLUMNS = ("joint", "actual", "target", "error", "drive")
 ROW_PX, HEADER_PX = 26, 28
-WIDTH_PX = (0, 104, 84, 88, 66)
+WIDTH_PX = (0, 104, 82, 92, 66)
 """Columns after the first, which takes what is left [px]."""
 STALE = "▲"
 """Set before a value that is too old."""

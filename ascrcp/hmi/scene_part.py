@@ -56,6 +56,13 @@ def label_table(colours: SceneColours) -> NDArray[np.uint8]:
     return table
 
 
+def unsolved_points(scene: Scene) -> Array:
+    """Return the planned points without joints, shape (k, 3); none while nothing is solved yet."""
+    if len(scene.solved) != len(scene.path):
+        return np.zeros((0, 3))
+    return scene.path[~scene.solved]
+
+
 def path_segments(scene: Scene) -> NDArray[np.int64]:
     """Return the pairs of planned points joined by a line: neighbours within one pass, shape (k, 2)."""
     if len(scene.path) < 2:

@@ -15,6 +15,7 @@ from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen, colour_fields
 from ascrcp.kinematics import Arm
 from ascrcp.session.snapshot import Scene, Snapshot
+from ascrcp.session.state import Step
 
 LEGEND = ("bay", "sprayed", "arch", "overbreak", "path", "path_done", "path_unsolved", "arm")
 
@@ -77,7 +78,7 @@ class SceneView(Panel):
         self._cameras = named_cameras(screen.view)
         self._view = next(iter(self._cameras))
         self._camera = first_camera(screen.view)
-        self._version, self._point = 0, -1
+        self._version, self._point, self._is_running = 0, -1, False
         self._pose: tuple[tuple[float, ...], bool] = ((), False)
         self.widget = _make_canvas(screen, self._camera)
         self.canvas: Canvas = self.widget  # type: ignore[assignment]
@@ -128,15 +129,23 @@ class SceneView(Panel):
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
         """Move the arm and the done part of the path, if they moved."""
-        if snapshot.point != self._point:
-            self._point = snapshot.point
-            self.canvas.draw_progress(snapshot.point)
+        self._follow_path(snapshot)
         pose = (snapshot.q, snapshot.spraying)
         if pose != self._pose and snapshot.q:
             self._pose = pose
             q = np.asarray(snapshot.q)
             if np.isfinite(q).all():
                 self.canvas.draw_arm(arm_line(np.asarray(self._arm.frames(q)), snapshot.spraying))
+
+    def _follow_path(self, snapshot: Snapshot) -> None:
+        """Keep what is done marked, between points and after the run, until the next run begins."""
+        is_running = snapshot.job.active is Step.RUN
+        begins = is_running and not self._is_running
+        reached = max(-1 if begins else self._point, snapshot.point)
+        self._is_running = is_running
+        if reached != self._point:
+            self._point = reached
+            self.canvas.draw_progress(reached)
 
     def show_scene(self, scene: Scene) -> None:
         """Draw cloud and path anew, if they changed."""

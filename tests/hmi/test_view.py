@@ -1,5 +1,7 @@
 """Both 3-D views: the same camera, the same colours, near over far."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,8 +11,8 @@ from rehearsal import SCAN_POSE, make_scene
 
 from ascrcp.core.flow import Label
 from ascrcp.hmi.camera import NEAR, Camera, first_camera, named_cameras
-from ascrcp.hmi.drawn_view import splat
-from ascrcp.hmi.scene_part import arm_line, label_table, path_segments, rgb
+from ascrcp.hmi.drawn_view import DrawnView, splat
+from ascrcp.hmi.scene_part import arm_line, label_table, path_segments, rgb, unsolved_points
 from ascrcp.hmi.scene_view import has_opengl, thin_scene
 from ascrcp.hmi.theme import Screen
 from ascrcp.kinematics import load_arm
@@ -72,6 +74,16 @@ def test_path_is_broken_between_passes() -> None:
     assert len(segments) == len(scene.path) - 6
     assert (scene.path_pass[segments[:, 0]] == scene.path_pass[segments[:, 1]]).all()
     assert path_segments(Scene()).shape == (0, 2)
+
+
+def test_path_may_come_before_its_solution(qtbot: QtBot, screen: Screen) -> None:
+    scene = replace(make_scene(), solved=np.zeros(0, np.bool_))
+    assert len(unsolved_points(scene)) == 0
+    assert len(unsolved_points(make_scene())) == 4
+    view = DrawnView(screen.scene_colours, screen.colours.void, first_camera(screen.view))
+    qtbot.addWidget(view)
+    view.draw_scene(scene)
+    assert not view.grab().isNull()
 
 
 def test_thinning_keeps_the_number_and_the_ends() -> None:

@@ -328,6 +328,22 @@ def test_picture_shows_cloud_path_and_arm(open_window: Opener, screen: Screen, l
     assert changed.mean() > 0.1
 
 
+def test_done_part_of_the_path_stays_until_the_next_run(open_window: Opener) -> None:
+    session = ready(4, ticks=999, active=Step.RUN)
+    window = open_window(session)
+
+    def marked(point: int) -> int:
+        session.more = {"point": point}
+        refresh(window)
+        return window.scene._point
+
+    assert [marked(point) for point in (3, -1, 7, 7, -1)] == [3, 3, 7, 7, 7]
+    session.job = JobState(stopped=False, done=frozenset(STEPS))
+    assert marked(-1) == 7
+    session.start(Step.RUN)
+    assert marked(-1) == -1
+
+
 def test_a_refresh_is_short(open_window: Opener) -> None:
     session = ready(4, ticks=100_000)
     session.drawn = make_scene(1, 100_000)
@@ -339,6 +355,14 @@ def test_a_refresh_is_short(open_window: Opener) -> None:
     for snapshot in snapshots:
         window._draw(snapshot)
     assert (time.process_time() - started) / len(snapshots) < 0.006  # design: 3 ms; this machine is shared
+
+
+def check_columns(window: Window) -> None:
+    table = window.joints
+    names = [table.joint_model.data(table.joint_model.index(row, 0)) for row in range(8)]
+    for column, texts in enumerate((names, ["▲ 2200 mm"], ["2200 mm"], ["+2200 mm"], ["-100 %"])):
+        needed = max(map(table.fontMetrics().horizontalAdvance, texts))
+        assert needed + 12 <= table.columnWidth(column), texts
 
 
 def test_no_text_is_cut(open_window: Opener) -> None:
@@ -358,6 +382,7 @@ def test_no_text_is_cut(open_window: Opener) -> None:
                 else:
                     width = label.fontMetrics().size(0, label.text()).width()
                     assert width <= label.width() + margin, label.text()
+            check_columns(window)
             for button in window.findChildren(QAbstractButton):
                 if button.isVisible() and button.text():
                     assert button.fontMetrics().size(0, button.text()).width() <= button.width(), (
