@@ -19,7 +19,7 @@ from ascrcp.hmi.window import Window
 NO_FONT = "no Chinese font is installed (Debian: fonts-wqy-microhei): the screen starts in English"
 
 
-def say_on_stderr(line: str) -> None:
+def tell_stderr(line: str) -> None:
     """Write one line of progress for a person."""
     sys.stderr.write(line + "\n")
     sys.stderr.flush()
@@ -51,7 +51,7 @@ def run(
     offscreen: bool,
     pictures: Path | None,
     auto: bool,
-    say: Callable[[str], None] = say_on_stderr,
+    tell: Callable[[str], None] = tell_stderr,
     screen: Screen | None = None,
 ) -> int:
     """Show the window until it is closed; the session is closed with it.
@@ -61,7 +61,7 @@ def run(
         offscreen: No person is watching: no full screen; without a display Qt draws off screen.
         pictures: Folder the autopilot writes PNG files to, None for none.
         auto: Let the autopilot press through the whole automatic job, then close.
-        say: Takes lines of progress.
+        tell: Takes lines of progress: each step begun, failures, the outcome.
         screen: Configuration; None reads config/screen.yaml.
 
     Returns:
@@ -71,7 +71,7 @@ def run(
     application = make_application()
     has_chinese = apply_theme(application, screen)
     if not has_chinese:
-        say(NO_FONT)
+        tell(NO_FONT)
     if pictures is not None:
         pictures.mkdir(parents=True, exist_ok=True)
     window = Window(session, screen, choose_language(screen, has_chinese))
@@ -83,13 +83,13 @@ def run(
 
     window.closed.connect(application.quit)
     if auto:
-        Autopilot(window, screen, say, pictures).finished.connect(end)
+        Autopilot(window, screen, tell, pictures).finished.connect(end)
     if offscreen or auto:
         window.resize(screen.size.width, screen.size.height)
         window.show()
     else:
         window.showMaximized()
-    with _failures_end(say, end):
+    with _failures_end(tell, end):
         application.exec()
     window.shut_down()
     window.deleteLater()
@@ -97,14 +97,14 @@ def run(
 
 
 @contextmanager
-def _failures_end(say: Callable[[str], None], end: Callable[[bool], None]) -> Iterator[None]:
+def _failures_end(tell: Callable[[str], None], end: Callable[[bool], None]) -> Iterator[None]:
     """Let an exception in a slot stop the job and close the window instead of leaving it half alive."""
     before = sys.excepthook
 
     def fail(kind: type[BaseException], error: BaseException, where: TracebackType | None) -> None:
         if not issubclass(kind, KeyboardInterrupt):
-            say("".join(traceback.format_exception(kind, error, where)).rstrip())
-        say(f"the screen failed: {kind.__name__} {error}")
+            tell("".join(traceback.format_exception(kind, error, where)).rstrip())
+        tell(f"the screen failed: {kind.__name__} {error}")
         end(False)
 
     sys.excepthook = fail

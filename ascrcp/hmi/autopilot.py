@@ -16,8 +16,6 @@ from ascrcp.session.state import STEPS, Step
 
 MIDDLE = 0.5
 """Progress of the run at which a picture is taken."""
-REPORT_SHARE = 0.25
-"""Progress is said at every such share of a step."""
 
 
 class Wait(Enum):
@@ -38,11 +36,11 @@ class Autopilot(QObject):
     finished = Signal(bool)
 
     def __init__(
-        self, window: Window, screen: Screen, say: Callable[[str], None], pictures: Path | None
+        self, window: Window, screen: Screen, tell: Callable[[str], None], pictures: Path | None
     ) -> None:
-        """Args: say: takes one line of progress; pictures: folder for PNG files, None for none."""
+        """Args: tell: takes one line of progress; pictures: folder for PNG files, None for none."""
         super().__init__(window)
-        self._window, self._say, self._pictures = window, say, pictures
+        self._window, self._tell, self._pictures = window, tell, pictures
         self._patience = math.ceil(1000 * screen.autopilot.patience_s / screen.refresh_ms)
         self._reset_every = math.ceil(1000 * screen.autopilot.reset_every_s / screen.refresh_ms)
         self._wait = Wait.RESET
@@ -52,7 +50,6 @@ class Autopilot(QObject):
         self._announced = 0
         self._last_failure = ""
         self._was_active = False
-        self._share = 0.0
         self._has_middle = False
         window.refused.connect(lambda reason: self._end(False, reason))
         window.refreshed.connect(self._follow)
@@ -65,7 +62,7 @@ class Autopilot(QObject):
     def _follow(self, snapshot: Snapshot) -> None:
         if self._wait is Wait.OVER:
             return
-        self._repeat_announcements(snapshot)
+        self._keep_failure(snapshot)
         if self._is_stuck(snapshot):
             self._end(False, f"nothing changed for so long in {self._wait.value} of {self.step.value}")
         elif self._wait is Wait.RESET:
@@ -75,11 +72,10 @@ class Autopilot(QObject):
         else:
             self._watch_step(snapshot)
 
-    def _repeat_announcements(self, snapshot: Snapshot) -> None:
+    def _keep_failure(self, snapshot: Snapshot) -> None:
         for message in snapshot.announcements:
             if message.number > self._announced:
                 self._announced = message.number
-                self._say(f"  {message.text[Language.EN]}")
                 if message.failure:
                     self._last_failure = message.text[Language.EN]
 
@@ -103,15 +99,15 @@ class Autopilot(QObject):
         button = self._window.steps.buttons[self.step]
         if not button.isEnabled():
             return
-        self._say(f"{self._index + 1}/{len(STEPS)} {STEP_NAME[self.step][Language.EN]}")
-        self._wait, self._was_active, self._share, self._last_failure = Wait.STEP, False, 0.0, ""
+        self._tell(f"{self._index + 1}/{len(STEPS)} {STEP_NAME[self.step][Language.EN]}")
+        self._wait, self._was_active, self._last_failure = Wait.STEP, False, ""
         button.click()
 
     def _watch_step(self, snapshot: Snapshot) -> None:
         job = snapshot.job
         if job.active is self.step:
             self._was_active = True
-            self._report_progress(snapshot)
+            self._photograph_middle(snapshot)
             return
         if self.step in job.done:
             self._take_picture(f"{self._index + 1:02d}_{self.step.value}")
@@ -123,10 +119,7 @@ class Autopilot(QObject):
         elif self._was_active or job.stopped or self._last_failure:
             self._end(False, self._explain(snapshot))
 
-    def _report_progress(self, snapshot: Snapshot) -> None:
-        if snapshot.progress >= self._share + REPORT_SHARE:
-            self._share = REPORT_SHARE * math.floor(snapshot.progress / REPORT_SHARE)
-            self._say(f"  {round(100 * snapshot.progress)} % {snapshot.stage[Language.EN]}")
+    def _photograph_middle(self, snapshot: Snapshot) -> None:
         if self.step is Step.RUN and snapshot.progress >= MIDDLE and not self._has_middle:
             self._has_middle = True
             self._take_picture("05_run_middle")
@@ -152,7 +145,7 @@ class Autopilot(QObject):
         if not is_ok:
             reason = f"{STEP_NAME[self.step][Language.EN]} failed: {reason}"
         self._wait = Wait.OVER
-        self._say(reason)
+        self._tell(reason)
         if not is_ok:
             self._take_picture("failed")
         self.finished.emit(is_ok)

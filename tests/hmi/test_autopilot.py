@@ -32,7 +32,7 @@ def quick(screen: Screen) -> Screen:
 def test_whole_job(qapp: object, quick: Screen, tmp_path: Path) -> None:
     session, lines = Rehearsal(ticks=6), []
     assert (
-        run(session, offscreen=True, pictures=tmp_path / "p", auto=True, say=lines.append, screen=quick) == 0
+        run(session, offscreen=True, pictures=tmp_path / "p", auto=True, tell=lines.append, screen=quick) == 0
     )
     assert [message.text[0] for message in session.messages] == [f"{step.value} done" for step in STEPS]
     assert Step.RUN in session.job.done
@@ -50,7 +50,7 @@ def test_whole_job(qapp: object, quick: Screen, tmp_path: Path) -> None:
 @pytest.mark.parametrize("step", STEPS)
 def test_a_failed_step_ends_with_its_reason(qapp: object, quick: Screen, tmp_path: Path, step: Step) -> None:
     session, lines = Rehearsal(ticks=2, fail=step), []
-    assert run(session, offscreen=True, pictures=tmp_path, auto=True, say=lines.append, screen=quick) == 1
+    assert run(session, offscreen=True, pictures=tmp_path, auto=True, tell=lines.append, screen=quick) == 1
     assert "failed: No tunnel in the cloud" in lines[-1]
     assert session.closed == 1
     assert (tmp_path / "failed.png").is_file()
@@ -59,7 +59,7 @@ def test_a_failed_step_ends_with_its_reason(qapp: object, quick: Screen, tmp_pat
 def test_an_estop_that_stays_pressed_ends_the_wait(qapp: object, quick: Screen) -> None:
     session, lines = Rehearsal(), []
     session.estop = True
-    assert run(session, offscreen=True, pictures=None, auto=True, say=lines.append, screen=quick) == 1
+    assert run(session, offscreen=True, pictures=None, auto=True, tell=lines.append, screen=quick) == 1
     assert "nothing changed" in lines[-1]
 
 
@@ -72,7 +72,7 @@ def test_a_stop_during_a_step_ends_the_job(qapp: object, quick: Screen) -> None:
             super()._work()
 
     lines: list[str] = []
-    assert run(Stopped(), offscreen=True, pictures=None, auto=True, say=lines.append, screen=quick) == 1
+    assert run(Stopped(), offscreen=True, pictures=None, auto=True, tell=lines.append, screen=quick) == 1
     assert "sends no new valid value" in lines[-1]
 
 
