@@ -26,6 +26,12 @@ def test_crc_is_the_standard_one():
     assert wire.crc8(b"123456789") == 0x37
 
 
+@pytest.mark.parametrize(("counter", "crc"), [(0, 0xCC), (1, 0x91)])
+def test_the_standard_s_own_example(counter, crc):
+    # AUTOSAR PRS_E2EProtocol: data id 0x0123 in full, eight bytes, all data zero
+    assert make_frame(compute_seed(0x123), bytes(8), counter)[:2] == bytes((crc, counter))
+
+
 @given(st.binary(max_size=12), st.integers(0, 0xFFFF))
 def test_both_ends_agree_though_written_apart(data, data_id):
     start = compute_seed(data_id)
