@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ascrcp import __version__
-from ascrcp.control.config import load_control_config
+from ascrcp.control.config import ControlConfig
 from ascrcp.control.tracker import Tracker
 from ascrcp.core.config import convert, load, merge, read_yaml
 from ascrcp.core.errors import ConfigError, InputError
@@ -127,17 +127,17 @@ def open_session(options: Options, round_: Round) -> Session:
     simulation = load_simulation(options.rig)
     profile = find_profile(options, simulation.tunnel)
     can = load_can_config()
-    control = load_control_config()
+    control = _control(arm)
     device = load(CONFIG / "devices" / "lidar.yaml", LidarDeviceConfig)
     perception, planning = load_perception(), load_planning()
     gate, tracker = _gate(arm), Tracker(arm, control)
     codec = Codec(DBC)
-    machine, rig, close_bus = _open_rig(arm, can, codec, simulation.rig, options)
     server = None
     if options.cloud is None:
         heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
-        write_json(round_.folder / "truth.json", heading.to_dict())
+        write_json(round_.folder / "truth.json", heading.truth.to_dict())
         server = LidarServer(simulation.lidar, heading, options.seed)
+    machine, rig, close_bus = _open_rig(arm, can, codec, simulation.rig, options)
     lidar: Lidar = SickLidar(server.host, server.port, device.timeout_s) if server else _NoLidar()
 
     def close() -> None:
@@ -176,7 +176,11 @@ def open_replay(round_: Round, bus: ReplayBus) -> Cycle:
     arm = load_arm(str(round_.manifest().get("machine", "kc")))
     can = load_can_config()
     link = MachineLink(bus, Codec(DBC), can, joints=arm.n)
-    return Cycle(link, Tracker(arm, load_control_config()), _gate(arm), arm.forward)
+    return Cycle(link, Tracker(arm, _control(arm)), _gate(arm), arm.forward)
+
+
+def _control(arm: Arm) -> ControlConfig:
+    return load(CONFIG / "control" / f"{arm.name}.yaml", ControlConfig)
 
 
 def _gate(arm: Arm) -> Gate:

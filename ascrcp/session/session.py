@@ -262,7 +262,7 @@ class Session:
                 t,
                 {
                     "measured": output.tip[:3, 3].tolist(),
-                    "reference": track.position,
+                    "reference": track.position.tolist(),
                     "truth": truth[:3, 3].tolist() if truth is not None else (),
                     "point": track.point,
                     "spraying": track.spraying,
@@ -275,7 +275,7 @@ class Session:
             for code in verdict.causes:
                 if code not in self._causes:
                     self._recorder.put_event(output.t_ns, "fault", code, EVENTS[code].cause[0])
-                    if EVENTS[code].reaction >= Reaction.WARN:
+                    if EVENTS[code].reaction >= Reaction.STOP and code != "power_up":
                         self.announce(*EVENTS[code].cause, failure=True)
             self._causes = verdict.causes
         if verdict.latched and not self._job.stopped:

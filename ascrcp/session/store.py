@@ -1,7 +1,9 @@
 """Write files whole or not at all, and keep scan and surface as checked NumPy archives."""
 
 import os
+import struct
 import zipfile
+import zlib
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
@@ -17,6 +19,20 @@ from ascrcp.core.profile import Profile
 
 VERSION = 1
 MAX_BYTES = 2_000_000_000  # faults.md, security: a cloud is capped at 2 GB
+
+# what zipfile, zlib and NumPy raise on a damaged archive
+_DAMAGE = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    KeyError,
+    ValueError,
+    TypeError,
+    EOFError,
+    RuntimeError,
+    AttributeError,
+    msgspec.DecodeError,
+)
 
 
 def write_atomic(path: Path, write: Callable[[BinaryIO], Any]) -> None:
@@ -89,7 +105,7 @@ def read_archive(path: Path, kind: str, names: tuple[str, ...]) -> tuple[Any, di
         raise
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from None
-    except (zipfile.BadZipFile, KeyError, ValueError, EOFError, AttributeError, msgspec.DecodeError) as error:
+    except _DAMAGE as error:
         raise InputError(f"{path}: not a readable ascrcp-{kind} file: {error}") from None
 
 

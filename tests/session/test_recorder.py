@@ -1,0 +1,98 @@
+"""Run log and journal: frames and orders come back bit by bit; a killed writer loses little."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import NonSeekingReader
+
+from ascrcp.core.flow import JointSequence
+from ascrcp.session.journal import Journal
+from ascrcp.session.order import decode_order, encode_order
+from ascrcp.session.recorder import CAN_TOPIC, Recorder, decode_frames, encode_frames
+
+FRAME = st.tuples(st.integers(0, 2**29 - 1), st.binary(max_size=8))
+
+
+@given(st.lists(FRAME, max_size=20), st.lists(FRAME, max_size=6))
+def test_frames_come_back(received: list[tuple[int, bytes]], sent: list[tuple[int, bytes]]) -> None:
+    assert decode_frames(encode_frames(received, sent)) == (received, sent)
+
+
+def test_follow_order_comes_back_bit_by_bit() -> None:
+    rng = np.random.default_rng(2)
+    sequence = JointSequence(
+        t=np.arange(4.0),
+        q=rng.normal(size=(4, 8)),
+        position=rng.normal(size=(4, 3)),
+        direction=rng.normal(size=(4, 3)),
+        point=np.array([0, -1, -1, 1]),
+        spraying=np.array([True, True, False, False]),
+    )
+    kind, (back, from_s) = decode_order(encode_order("follow", (sequence, 1.25)))
+    assert (kind, from_s) == ("follow", 1.25)
+    for name in ("t", "q", "position", "direction", "point", "spraying"):
+        assert getattr(back, name).tobytes() == getattr(sequence, name).tobytes()
+    for order in (("stop", None), ("reset", None), ("hold", None), ("pan", 0.3)):
+        assert decode_order(encode_order(*order)) == order
+
+
+def test_log_and_journal_hold_what_was_put(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path)
+    for i in range(500):
+        recorder.put(CAN_TOPIC, i, encode_frames([(0x181, bytes(8))], []))
+        recorder.put("/joints", i, {"q": (0.0,) * 8, "q_ref": (float("nan"),) * 8, "drive": (), "reaction": 0})
+    recorder.put_event(7, "step", "zero", "started")
+    recorder.close()
+    with (tmp_path / "run.mcap").open("rb") as file:
+        times = [m.log_time for _, c, m in NonSeekingReader(file).iter_messages() if c.topic == CAN_TOPIC]
+    assert times == list(range(500))
+    journal = Journal(tmp_path / "events.sqlite")
+    assert [(e.kind, e.code, e.detail) for e in journal.entries()] == [("step", "zero", "started")]
+    journal.close()
+
+
+_WRITER = """
+import sys, time
+from pathlib import Path
+from ascrcp.session.recorder import Recorder
+r = Recorder(Path(sys.argv[1]))
+r.put_event(0, "note", "begin", "")
+for i in range(100000):
+    r.put("/joints", i * 20_000_000, {"q": [i * 1e-3] * 8, "q_ref": [0.1] * 8, "drive": [0.0] * 8, "reaction": 0})
+    if i % 50 == 49:
+        print(i, flush=True)
+        time.sleep(0.02)
+"""
+
+
+def test_killed_writer_loses_less_than_half_a_second_of_cycles_and_no_event(tmp_path: Path) -> None:
+    """G9 in small: kill -9 the writer, read what is left."""
+    with subprocess.Popen(
+        [sys.executable, "-c", _WRITER, str(tmp_path)], stdout=subprocess.PIPE, text=True
+    ) as writer:
+        assert writer.stdout is not None
+        announced = 0
+        while announced < 1500:
+            announced = int(writer.stdout.readline())
+        time.sleep(0.05)
+        os.kill(writer.pid, signal.SIGKILL)
+        rest = writer.stdout.read().split()
+    announced = int(rest[-1]) if rest else announced
+    count = 0
+    with (tmp_path / "run.mcap").open("rb") as file:
+        try:
+            for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+                count += 1
+        except Exception as error:  # the cut end of the file
+            assert count > 0, error
+    journal = Journal(tmp_path / "events.sqlite")
+    assert [e.code for e in journal.entries()] == ["begin"]
+    journal.close()
+    assert announced - count < 150, "a chunk of 16 KiB holds about 100 cycles of this message"

@@ -1,0 +1,95 @@
+"""The job's state machine: properties over random event sequences."""
+
+from dataclasses import replace
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from ascrcp.session.state import (
+    STEPS,
+    JobState,
+    Mode,
+    Refusal,
+    Step,
+    abandon,
+    choose_mode,
+    finish,
+    refusal,
+    reset,
+    start,
+    stop,
+)
+
+READY = JobState(stopped=False)
+
+
+def do(job: JobState, step: Step) -> JobState:
+    assert refusal(job, step) is None
+    return finish(start(job, step))
+
+
+def test_automatic_job_in_the_thesis_order() -> None:
+    job = READY
+    for step in STEPS:
+        job = do(job, step)
+    assert Step.RUN in job.done and Step.RECOGNISE in job.done
+
+
+def test_each_step_names_the_one_it_needs() -> None:
+    assert refusal(READY, Step.RECOGNISE) is Refusal.NEEDS_ZERO
+    assert refusal(READY, Step.LOAD) is Refusal.NEEDS_RECOGNISE
+    assert refusal(READY, Step.GO_TO_START) is Refusal.NEEDS_LOAD
+    assert refusal(READY, Step.RUN) is Refusal.NEEDS_GO_TO_START
+
+
+def test_moving_away_keeps_the_plan_but_not_the_scan_pose() -> None:
+    job = READY
+    for step in STEPS[:4]:
+        job = do(job, step)
+    assert Step.ZERO not in job.done and Step.LOAD in job.done
+    job = do(job, Step.ZERO)
+    assert refusal(job, Step.RUN) is Refusal.NEEDS_GO_TO_START
+    assert refusal(job, Step.GO_TO_START) is None
+
+
+def test_semi_automatic_run_needs_a_joystick() -> None:
+    job = choose_mode(READY, Mode.SEMI_AUTOMATIC)
+    for step in STEPS[:4]:
+        job = do(job, step)
+    assert refusal(job, Step.RUN) is Refusal.NEEDS_JOYSTICK
+    assert refusal(replace(job, has_joystick=True), Step.RUN) is None
+
+
+def test_mode_is_kept_while_a_step_is_under_way() -> None:
+    job = start(READY, Step.ZERO)
+    assert choose_mode(job, Mode.SEMI_AUTOMATIC) == job
+
+
+EVENTS = st.lists(
+    st.one_of(st.sampled_from(STEPS), st.sampled_from(["finish", "abandon", "stop", "reset"])), max_size=40
+)
+
+
+@given(EVENTS)
+def test_invariants_hold_over_any_history(events: list[object]) -> None:
+    job = JobState()
+    for event in events:
+        if isinstance(event, Step):
+            if refusal(job, event) is None:
+                job = start(job, event)
+        else:
+            job = {"finish": finish, "abandon": abandon, "stop": stop, "reset": reset}[str(event)](job)
+        assert not (job.stopped and job.active is not None), "nothing goes on while stopped"
+        if job.active is not None:
+            assert job.active not in job.done, "a step under way is not done"
+            assert all(refusal(job, step) is not None for step in STEPS), "one step at a time"
+        if Step.GO_TO_START in job.done:
+            assert {Step.LOAD, Step.RECOGNISE} <= job.done
+        if job.stopped:
+            assert all(refusal(job, step) is Refusal.STOPPED for step in STEPS)
+
+
+def test_refusals_speak_both_languages() -> None:
+    for reason in Refusal:
+        english, chinese = reason.value
+        assert english and any("一" <= c <= "鿿" for c in chinese)
