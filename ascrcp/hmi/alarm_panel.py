@@ -13,6 +13,8 @@ from ascrcp.session.snapshot import Announcement, Snapshot
 
 PANEL_PX = 112
 """Four lines and a margin [px], with an alarm or without."""
+LINE_PX = 19
+"""Height of one line of a message, so that an older one that does not fit is left out whole [px]."""
 MESSAGES = 4
 """Announcements shown at once; newest on top."""
 
@@ -58,8 +60,9 @@ class AlarmPanel(Panel):
         self.messages = make_label("message", wrap=True)
         self.messages.setTextFormat(Qt.TextFormat.RichText)
         self.messages.setAlignment(Qt.AlignmentFlag.AlignTop)
-        self.messages.setMinimumHeight(1)
-        column.addWidget(self.messages, 1)
+        self.messages.setFixedHeight(MESSAGES * LINE_PX)
+        column.addWidget(self.messages)
+        column.addStretch()
         row.addWidget(messages, 2)
 
     def set_language(self, language: Language) -> None:
