@@ -1,5 +1,6 @@
 """The nominal drive characteristic of a joint: wanted speed -> valve drive."""
 
+import math
 from dataclasses import dataclass
 
 _SOFT = 0.01
@@ -26,8 +27,13 @@ class Characteristic:
         """Compute the drive that gives a speed on the nominal joint, bounded to -1..1.
 
         Args:
-            speed: Wanted speed [rad/s or m/s], finite.
+            speed: Wanted speed [rad/s or m/s].
+
+        Returns:
+            The drive; NaN for a speed that is no number, never full drive.
         """
+        if not abs(speed) < math.inf:
+            return math.nan
         if speed >= 0.0:
             return _open(speed / self.full_up, self.dead_up)
         return -_open(-speed / self.full_down, self.dead_down)

@@ -58,18 +58,22 @@ class PulseConfig(Struct):
     Attributes:
         below: Error below which the joint is pulsed [deg or mm].
         speed_below: Reference speed below which it is pulsed [deg/s or mm/s].
+        zone: Error that is left alone: half of the smallest movement [deg or mm].
         drive: Drive of the first pulse.
         drive_max: Drive to which pulses that move nothing are raised.
-        drive_step: By how much they are raised.
-        cycles_max: Longest pulse.
+        drive_step: By how much they are raised; by half of it they are lowered again.
+        cycles: Length of the shortest pulse: the valve needs that long to open at all.
+        cycles_max: Length of the longest.
         rest_cycles: Pause after a pulse, so that the joint stands and the sensor tells.
     """
 
     below: Positive
     speed_below: Positive
+    zone: Positive
     drive: Fraction
     drive_max: Fraction
     drive_step: Fraction
+    cycles: Cycles
     cycles_max: Cycles
     rest_cycles: Cycles
 

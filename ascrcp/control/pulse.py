@@ -12,9 +12,11 @@ class PulseSettings:
 
     below: float
     speed_below: float
+    zone: float
     drive: float
     drive_max: float
     drive_step: float
+    cycles: int
     cycles_max: int
     rest_cycles: int
 
@@ -23,55 +25,62 @@ class PulseJog:
     """Give a short pulse, wait until the joint stands, look, give the next.
 
     A pulse that moved nothing is followed by a stronger one, one that went past the target by a
-    weaker one: the joint's own friction sets the strength.
+    weaker one: the joint's own friction sets the strength, apart for each direction.
     """
 
     def __init__(self, settings: PulseSettings, characteristic: Characteristic, resolution: float) -> None:
-        self._settings = settings
+        self.settings = settings
         self._characteristic = characteristic
         self._resolution = resolution
-        self._strength = settings.drive
-        self._pulse_left = self._rest_left = 0
+        self._strength = {1.0: settings.drive, -1.0: settings.drive}
         self._sign = 1.0
+        self._pulse_left = self._rest_left = 0
         self._error_before: float | None = None
 
     def update(self, error: float) -> float:
         """Return the drive of this cycle.
 
         Args:
-            error: Target minus measured [rad or m], zero when the joint has arrived.
+            error: Target minus measured [rad or m].
         """
         if self._pulse_left > 0:
             self._pulse_left -= 1
-            return self._sign * self._strength
+            return self._sign * self._strength[self._sign]
         if self._rest_left > 0:
             self._rest_left -= 1
             return 0.0
         self._learn(error)
-        if error == 0.0:
-            self._error_before = None
+        if abs(error) <= self.settings.zone:
             return 0.0
         self._sign = 1.0 if error > 0.0 else -1.0
-        speed = abs(self._characteristic.speed(self._sign * self._strength))
-        cycles = round(abs(error) / (speed * CYCLE_S)) if speed > 0.0 else 1
-        self._pulse_left = min(max(cycles, 1), self._settings.cycles_max) - 1
-        self._rest_left = self._settings.rest_cycles
+        drive = self._sign * self._strength[self._sign]
+        self._pulse_left = self._length(error, drive) - 1
+        self._rest_left = self.settings.rest_cycles
         self._error_before = error
-        return self._sign * self._strength
+        return drive
+
+    def _length(self, error: float, drive: float) -> int:
+        """Return the pulse's cycles: the shortest for the smallest errors, more by nominal speed."""
+        s = self.settings
+        speed = abs(self._characteristic.speed(drive))
+        beyond = abs(error) - 2.0 * s.zone
+        if not (beyond > 0.0 and speed > 0.0):
+            return s.cycles
+        more = beyond / (speed * CYCLE_S)
+        return s.cycles_max if not more < s.cycles_max - s.cycles else s.cycles + round(more)
 
     def _learn(self, error: float) -> None:
-        """Adjust the strength by what the last pulse did."""
-        before = self._error_before
+        """Adjust the strength of the last pulse's direction by what it did."""
+        before, self._error_before = self._error_before, None
         if before is None:
             return
-        least, most, step = self._settings.drive, self._settings.drive_max, self._settings.drive_step
-        if abs(error - before) < self._resolution:
-            self._strength = min(most, self._strength + step)
+        s, sign = self.settings, self._sign
+        if abs(error - before) < 1.5 * self._resolution:
+            self._strength[sign] = min(s.drive_max, self._strength[sign] + s.drive_step)
         elif error * before < 0.0:
-            self._strength = max(least, self._strength - step)
+            self._strength[sign] = max(s.drive, self._strength[sign] - 0.5 * s.drive_step)
 
     def clear(self) -> None:
-        """End a pulse under way and begin with the first strength."""
+        """End a pulse under way; what was learned is kept."""
         self._pulse_left = self._rest_left = 0
-        self._strength = self._settings.drive
         self._error_before = None

@@ -31,7 +31,6 @@ class JointController:
         self._zone = _ZONE * config.resolution * si
         self._lag = 1.0 - math.exp(-CYCLE_S / config.lag_s) if config.lag_s > 0.0 else 1.0
         self._pulse = _pulse_jog(config.pulse, self.characteristic, config.resolution * si, si)
-        self._pulse_settings = _pulse_settings(config.pulse, si) if config.pulse else None
         self._delayed: float | None = None
         self._drive = 0.0
         self._is_pulsed = False
@@ -63,18 +62,15 @@ class JointController:
         if wait:
             self._pid.rest()
             return self._ramped(0.0)
-        stands = speed == 0.0 and abs(error) <= self._zone
-        if self._may_pulse(error, speed):
-            assert self._pulse is not None
+        if self._pulse is not None and self._may_pulse(self._pulse, error, speed):
             self._is_pulsed = True
             self._pid.rest()
-            self._drive = self._pulse.update(0.0 if stands else error)
+            self._drive = self._pulse.update(error)
             return self._drive
-        if self._is_pulsed:
+        if self._is_pulsed and self._pulse is not None:
             self._is_pulsed = False
-            assert self._pulse is not None
             self._pulse.clear()
-        if stands:
+        if speed == 0.0 and abs(error) <= self._zone:
             self._pid.rest()
             return self._ramped(0.0)
         segment = self._segments[bisect_left(self._ends, measured)]
@@ -88,16 +84,19 @@ class JointController:
             self._pulse.clear()
         self._delayed, self._drive, self._is_pulsed = None, 0.0, False
 
-    def _may_pulse(self, error: float, speed: float) -> bool:
-        settings = self._pulse_settings
-        return settings is not None and abs(error) < settings.below and abs(speed) < settings.speed_below
+    @staticmethod
+    def _may_pulse(pulse: PulseJog, error: float, speed: float) -> bool:
+        return abs(error) < pulse.settings.below and abs(speed) < pulse.settings.speed_below
 
     def _ramped(self, target: float) -> float:
+        """Move toward the target drive; a target that is no number is passed on for the gate to refuse."""
+        if not abs(target) < math.inf:
+            self._drive = 0.0
+            return math.nan
         change = target - self._drive
-        if not abs(change) <= self._ramp:
+        if abs(change) > self._ramp:
             change = math.copysign(self._ramp, change)
-        bounded = self._drive + change
-        self._drive = max(-1.0, min(1.0, bounded)) if abs(bounded) < math.inf else 0.0
+        self._drive = max(-1.0, min(1.0, self._drive + change))
         return self._drive
 
 
@@ -114,19 +113,20 @@ class _Segment:
         return self._gains[bisect_left(self._bounds, error)]
 
 
-def _pulse_settings(config: PulseConfig, si: float) -> PulseSettings:
-    return PulseSettings(
-        below=config.below * si,
-        speed_below=config.speed_below * si,
-        drive=config.drive,
-        drive_max=config.drive_max,
-        drive_step=config.drive_step,
-        cycles_max=config.cycles_max,
-        rest_cycles=config.rest_cycles,
-    )
-
-
 def _pulse_jog(
     config: PulseConfig | None, characteristic: Characteristic, resolution: float, si: float
 ) -> PulseJog | None:
-    return PulseJog(_pulse_settings(config, si), characteristic, resolution) if config else None
+    if config is None:
+        return None
+    settings = PulseSettings(
+        below=config.below * si,
+        speed_below=config.speed_below * si,
+        zone=config.zone * si,
+        drive=config.drive,
+        drive_max=config.drive_max,
+        drive_step=config.drive_step,
+        cycles=config.cycles,
+        cycles_max=config.cycles_max,
+        rest_cycles=config.rest_cycles,
+    )
+    return PulseJog(settings, characteristic, resolution)
