@@ -17,8 +17,9 @@ from ascrcp.kinematics.description import ArmDescription, Mount, Prismatic, Revo
 from ascrcp.kinematics.inverse import SprayInverse
 from ascrcp.kinematics.solution import ClosedForm, Solutions, confirm
 
-LIMIT_TOLERANCE = 1e-9
-"""How far outside a range rounding may carry a joint that stands on its limit [rad, m]."""
+LIMIT_TOLERANCE = 1e-7
+"""How far outside a range a joint that stands on its limit may come out [rad, m]: where two solutions
+meet, rounding of the pose is felt by its square root."""
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,9 @@ from ascrcp.kinematics.solution import root, wrap_into
 SINGULAR = 1e-10
 """|sin(theta5)| below which only theta2 + theta3 -+ theta6 is fixed."""
 
+STRAIGHT = 1e-3
+"""Smallest |sin(theta5)| whose magnification of rounding is allowed for."""
+
 
 @dataclass(frozen=True)
 class BucketInverse:
@@ -79,7 +82,9 @@ class BucketInverse:
         dot = ar * ur + az * uz
         square = ar * ar + az * az
         radicand = self.k3**2 - square + dot * dot
-        length = dot + sign[..., None] * root(radicand, square + self.k3**2)
+        # a nearly straight wrist passes its rounding on to u, magnified
+        scale = (square + self.k3**2) / np.where(sine < SINGULAR, 1.0, np.maximum(sine, STRAIGHT))
+        length = dot + sign[..., None] * root(radicand, scale)
         th2 = np.arctan2(az - length * uz, ar - length * ur)
         th3 = np.arctan2(ur, -uz) - th2
         for i, value in enumerate((th1, th2, th3, length - self.k4, th5, th6)):

@@ -21,7 +21,7 @@ class Grid:
 
     def keep(self, rolls: Array) -> "Grid":
         """Return the rows whose theta1 is among rolls [rad]."""
-        near = np.abs(self.rows[:, :1] - rolls).min(axis=1, initial=np.inf) < 1e-9
+        near = np.abs(self.rows[:, :1] - rolls).min(axis=1) < 1e-9
         return Grid(self.rows[near])
 
 

@@ -144,7 +144,7 @@ class SprayInverse:
         square = r3x * r3x + r3z * r3z
         singular = square < SINGULAR**2
         s7 = -r3y / c5
-        c7 = root(square - s5 * s5) / np.abs(c5) * np.array([[[1.0]], [[-1.0]]])
+        c7 = root(square - s5 * s5, np.abs(s5)) / np.abs(c5) * np.array([[[1.0]], [[-1.0]]])
         c7 = np.where(singular, 0.0, c7)
         q7 = np.arctan2(np.broadcast_to(s7, c7.shape), c7)
         along, across = s5 * s7, c7

@@ -144,7 +144,8 @@ class _Work:
         keys = _find_keys(distance, self.model.key_spacing)
         grid = make_grid(self.arm, self.model)
         anchors = keys[np.linspace(0, len(keys) - 1, min(len(keys), ANCHORS)).astype(int)]
-        grid = grid.keep(find_rolls(self.arm, self.T[anchors], grid))
+        rolls = find_rolls(self.arm, self.T[anchors], grid)
+        grid = grid.keep(rolls) if rolls.size else grid
         report(0.1)
         layers = self._find_layers(keys, grid, report)
         usable = np.array([i for i, layer in enumerate(layers) if len(layer)], dtype=np.int64)

@@ -13,6 +13,9 @@ from ascrcp.kinematics.chain import Op, walk_chain
 CONFIRM_TOLERANCE = 1e-6
 """Largest entry by which forward(q) may miss the pose [1, m]: rounding of a pose passed as text."""
 
+ROUNDING = 1e-14
+"""What a sum of a few products may be off by, relative to their size."""
+
 TURN = 2.0 * np.pi
 
 
@@ -66,12 +69,14 @@ def wrap_into(angle: Array, lower: float, upper: float) -> Array:
 
 
 def root(square: Array, scale: Array | float = 1.0) -> Array:
-    """Take the real square root, NaN below zero; what rounding pushed below zero is zero.
+    """Take the real square root, NaN below zero; what rounding could have made of zero is zero.
+
+    Where two solutions meet the square is zero: rounded to either side it would lose both of them
+    or part them by its square root.
 
     Args:
         square: Squares, any shape.
         scale: Size of the terms they were formed from; sets what counts as rounding.
     """
-    tiny = 1e-13 * np.asarray(scale)
-    clear = np.where((square < 0.0) & (square > -tiny), 0.0, square)
-    return np.sqrt(np.where(clear >= 0.0, clear, np.nan))
+    settled = np.where(np.abs(square) < ROUNDING * np.asarray(scale), 0.0, square)
+    return np.sqrt(np.where(settled >= 0.0, settled, np.nan))
