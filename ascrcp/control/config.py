@@ -86,7 +86,7 @@ class JointConfig(Struct):
         unit: Unit of every length or angle of this joint.
         full_speed: Speed at full drive, (up, down) [unit/s].
         dead_band: Drive at which the valve begins to open, (up, down).
-        lag_s: Delay of the measured joint behind the true one: sensor and bus.
+        lag_s: Time constant of the sensor; the age of its frame is known apart.
         ramp: Largest change of drive per cycle (thesis 5.2.2).
         resolution: Step of the sensor; an error below 0.6 of it is none.
         settle: Error within which the joint has arrived.
@@ -133,7 +133,8 @@ class TrackerConfig(Struct):
         settle_s: Time a point, or the end, is given to settle.
         slow_from: Share of tolerance at which the reference begins to slow down.
         slow_to: Share at which it stands.
-        scale_rate: Change of the time scale [1/s].
+        scale_rate: Largest change of the time scale [1/s].
+        scale_ease_s: Time constant with which it follows tolerable errors.
         stall_s: Time without progress after which the run fails.
         start_deg: Largest error of a turning joint at which a sequence may begin.
         start_mm: The same for a sliding joint.
@@ -154,6 +155,7 @@ class TrackerConfig(Struct):
     slow_from: Positive
     slow_to: Positive
     scale_rate: Positive
+    scale_ease_s: Seconds
     stall_s: Seconds
     start_deg: Positive
     start_mm: Positive

@@ -5,12 +5,17 @@ from ascrcp.core.clock import CYCLE_S
 
 
 class Pace:
-    """Time scale 0..1 of the reference, changed no faster than `scale_rate`."""
+    """Time scale 0..1 of the reference.
+
+    It eases off slowly while errors are tolerable: a brisk scale would swing with the arm's own lag
+    and shake the boom. It stops at `scale_rate` once they are not, or when it must wait.
+    """
 
     def __init__(self, config: TrackerConfig) -> None:
         self._from = config.slow_from
         self._to = config.slow_to
         self._step = config.scale_rate * CYCLE_S
+        self._ease = CYCLE_S / (config.scale_ease_s + CYCLE_S)
         self.scale = 0.0
 
     def update(self, ratio: float, must_wait: bool) -> float:
@@ -20,13 +25,12 @@ class Pace:
             ratio: Largest error as a share of what is tolerated.
             must_wait: Whether the reference is to come to rest whatever the error.
         """
-        wanted = 0.0
-        if not must_wait and ratio < self._to:
-            wanted = min(1.0, (self._to - ratio) / (self._to - self._from))
-        change = wanted - self.scale
-        if not abs(change) <= self._step:
-            change = self._step if change > 0.0 else -self._step
-        self.scale += change
+        if must_wait or not ratio < self._to:
+            self.scale = max(0.0, self.scale - self._step)
+            return self.scale
+        wanted = min(1.0, (self._to - ratio) / (self._to - self._from))
+        change = (wanted - self.scale) * (self._ease if wanted < 1.0 else 1.0)
+        self.scale += max(-self._step, min(self._step, change))
         return self.scale
 
     def stop(self) -> None:

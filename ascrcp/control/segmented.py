@@ -31,20 +31,27 @@ class JointController:
         self._zone = _ZONE * config.resolution * si
         self._lag = 1.0 - math.exp(-CYCLE_S / config.lag_s) if config.lag_s > 0.0 else 1.0
         self._pulse = _pulse_jog(config.pulse, self.characteristic, config.resolution * si, si)
-        self._delayed: float | None = None
+        self._filtered: float | None = None
+        self._delayed = 0.0
         self._drive = 0.0
         self._is_pulsed = False
 
     @property
-    def delayed(self) -> float | None:
-        """The reference as the sensor should show it now [rad or m], None before the first cycle."""
+    def delayed(self) -> float:
+        """The reference as the newest measurement should show it [rad or m], after `observe`."""
         return self._delayed
 
-    def observe(self, target: float, measured: float) -> float:
-        """Advance the delayed reference; return its distance from the measured joint [rad or m]."""
-        if self._delayed is None:
-            self._delayed = target
-        self._delayed += self._lag * (target - self._delayed)
+    def observe(self, target: float, measured: float, moved: float = 0.0) -> float:
+        """Advance the delayed reference; return its distance from the measured joint [rad or m].
+
+        Args:
+            target: Reference now [rad or m].
+            measured: Newest measured joint [rad or m].
+            moved: How far the reference has come since that was measured [rad or m].
+        """
+        last = target if self._filtered is None else self._filtered
+        self._filtered = last + self._lag * (target - last)
+        self._delayed = self._filtered - moved
         return self._delayed - measured
 
     def drive(self, error: float, measured: float, speed: float, wait: bool = False) -> float:
@@ -82,7 +89,7 @@ class JointController:
         self._pid.clear()
         if self._pulse is not None:
             self._pulse.clear()
-        self._delayed, self._drive, self._is_pulsed = None, 0.0, False
+        self._filtered, self._drive, self._is_pulsed = None, 0.0, False
 
     @staticmethod
     def _may_pulse(pulse: PulseJog, error: float, speed: float) -> bool:

@@ -11,7 +11,7 @@ from ascrcp.control.judge import Outcome, PointJudge, TipError
 from ascrcp.control.pace import Pace
 from ascrcp.control.reference import Reference, Sample
 from ascrcp.control.segmented import JointController
-from ascrcp.core.clock import CYCLE_S
+from ascrcp.core.clock import CYCLE_S, NS
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
@@ -177,7 +177,7 @@ class Tracker:
         scale = self._pace.scale
         self._t = min(before + scale * CYCLE_S, reference.duration)
         target = reference.at(self._t)
-        error = tuple(j.observe(r, x) for j, r, x in zip(self._joints, target.q, q, strict=True))
+        error = self._observe(target, inputs, scale)
         if self._fresh and not self._may_begin(error):
             return self._rest(target, q)
         tip = self._tip_error(q)
@@ -191,6 +191,13 @@ class Tracker:
         command = Command(drive=drive, enable=True, pump=self._config.pump * scale if flows else 0.0)
         return self._output(command, target, error)
 
+    def _observe(self, target: Sample, inputs: MachineInputs, scale: float) -> tuple[float, ...]:
+        """Compare every joint with where its sensor should show it; old values with older references."""
+        rows = zip(self._joints, target.q, inputs.q, target.speed, inputs.age_ns, strict=True)
+        return tuple(
+            joint.observe(r, x, v * scale * age / NS if age < NS else 0.0) for joint, r, x, v, age in rows
+        )
+
     def _may_begin(self, error: tuple[float, ...]) -> bool:
         self._fresh = False
         for name, e, allowed in zip(self._names, error, self._start, strict=True):
@@ -203,7 +210,7 @@ class Tracker:
 
     def _tip_error(self, q: tuple[float, ...]) -> TipError:
         """Compare the measured nozzle with the reference delayed as the sensors are, both rigid."""
-        delayed = tuple(j.delayed or 0.0 for j in self._joints)
+        delayed = tuple(j.delayed for j in self._joints)
         A, B = self._arm.forward(q), self._arm.forward(delayed)
         a, b = A[:3, :].tolist(), B[:3, :].tolist()
         distance = math.dist((a[0][3], a[1][3], a[2][3]), (b[0][3], b[1][3], b[2][3]))
