@@ -28,6 +28,9 @@ Progress = Callable[[float], None]
 ANCHORS = 24
 """Key points at which every roll is tried; elsewhere only the rolls that were of use at some anchor."""
 
+STAND_OFF = 1.0
+"""Nozzle to wall [m] (design.md section 1): carries a turn of the nozzle to the wall."""
+
 TASK_TOLERANCE = 1e-6
 """Largest miss of a solved point [m, rad]."""
 
@@ -102,7 +105,7 @@ def solve_path(
     report = progress or _ignore
     work = _Work(arm, model, make_cost(arm, model), compensate(arm, spray_pose(path), payload_kg), start)
     report(0.0)
-    distance = _distances(work.T[:, :3, 3], model.far)
+    distance = _distances(work.T, model.far)
     q = work.keep_good(work.smooth(work.start_chain(distance, report), report, 0.5, 0.75))
     q, best = work.rescue(q, report)
     smoothed = work.keep_good(work.smooth(q, report, 0.85, 1.0))
@@ -113,10 +116,23 @@ def _ignore(_: float) -> None:
     """Take no notice of progress."""
 
 
-def _distances(position: Array, far: float) -> Array:
-    """Distance from the point before [m], infinite at the first and where farther than far; (n,)."""
-    step = np.linalg.norm(np.diff(position, axis=0), axis=1)
-    return np.concatenate([[np.inf], np.where(step <= far, step, np.inf)])
+def _distances(T: Array, far: float) -> Array:
+    """Distance from the pose before, infinite at the first and where the nozzle jumps farther than far.
+
+    The nozzle's way or that of the point sprayed at, whichever is longer: in a pocket the nozzle turns
+    almost on the spot.
+
+    Args:
+        T: Poses, shape (n, 4, 4).
+        far: Largest way of the nozzle that is sprayed through [m].
+
+    Returns:
+        Distances [m], shape (n,).
+    """
+    nozzle = T[:, :3, 3]
+    wall = nozzle + STAND_OFF * T[:, :3, 0]
+    way, sprayed = (np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (nozzle, wall))
+    return np.concatenate([[np.inf], np.where(way <= far, np.maximum(way, sprayed), np.inf)])
 
 
 @dataclass
@@ -222,7 +238,7 @@ class _Work:
 
     def _gaps(self, x: Array, T: Array) -> Array:
         """Distances along the chain of solved points, infinite where it cannot be continuous."""
-        gaps = _distances(T[:, :3, 3], self.model.far)
+        gaps = _distances(T, self.model.far)
         gaps[1:][self._is_reroll(x[:-1], x[1:])] = np.inf
         return gaps
 
@@ -291,7 +307,7 @@ class _Work:
         theta1[solved] = find_roll(self.T[solved], self.arm.forward(q[solved]))
         breaks = np.zeros(n, dtype=bool)
         live = np.flatnonzero(solved)
-        gaps = _distances(self.T[live, :3, 3], self.model.far)
+        gaps = _distances(self.T[live], self.model.far)
         needed = (np.abs(np.diff(q[live], axis=0)) / self.arm.max_speed).max(axis=1, initial=0.0)
         gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + self.model.reroll_s] = np.inf
         breaks[live] = ~np.isfinite(gaps)
