@@ -6,9 +6,8 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-import msgspec
-
 from ascrcp.core.errors import AscrcpError, InputError
+from ascrcp.session.store import encode_json
 
 if TYPE_CHECKING:
     from ascrcp.session.session import Session
@@ -29,7 +28,7 @@ class Output:
 
     def result(self, tree: dict[str, Any], text: str) -> None:
         """Print the result: the tree as JSON, or the text for people."""
-        print(msgspec.json.encode(tree).decode() if self.json else text, flush=True)
+        print(encode_json(tree).decode() if self.json else text, flush=True)
 
     def bar(self, title: str) -> Callable[[float], None]:
         """Return a progress callback that prints each tenth."""
@@ -93,5 +92,5 @@ def _refuse(output: Output, error: AscrcpError, code: int) -> int:
     line = " ".join(str(error).split())
     print(f"ascrcp: {line}", file=sys.stderr, flush=True)
     if output.json:
-        print(msgspec.json.encode({"ok": False, "error": line}).decode(), flush=True)
+        print(encode_json({"ok": False, "error": line}).decode(), flush=True)
     return code

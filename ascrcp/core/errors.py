@@ -31,3 +31,7 @@ class RefusedError(AscrcpError):
 
 class CancelledError(AscrcpError):
     """A job the operator cancelled. Nothing half-written remains."""
+
+
+class DefectError(AscrcpError):
+    """An error nobody expected: a defect of this program, reported with its traceback as a note."""

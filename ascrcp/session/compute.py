@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ascrcp.core.errors import AscrcpError, CancelledError, DeviceError
+from ascrcp.core.errors import AscrcpError, CancelledError, DefectError, DeviceError
 
 Progress = Callable[[float], None]
 """Called with the fraction done, 0..1; raises CancelledError when the job is to end."""
@@ -69,7 +69,8 @@ class Compute:
         Raises:
             CancelledError: If `is_cancelled` said so.
             DeviceError: If the process died.
-            AscrcpError: Whatever the function raised on purpose; other errors keep their traceback as text.
+            AscrcpError: Whatever the function raised on purpose.
+            DefectError: Anything else it raised, its traceback as a note.
         """
         with self._lock:
             self._ensure()
@@ -153,6 +154,13 @@ def _receive(pipe: Connection) -> Any:
     return pickle.loads(head, buffers=views)  # noqa: S301 - our own child process
 
 
+def _defect(name: str, error: Exception) -> DefectError:
+    """Describe an error nobody expected; an exception's own object may not survive the journey."""
+    defect = DefectError(f"internal error in {name}: {type(error).__name__}: {error}")
+    defect.add_note("".join(traceback.format_exception(error)))
+    return defect
+
+
 def _serve(pipe: Connection, cancel: Any) -> None:
     """Loop of the compute process."""
 
@@ -171,6 +179,5 @@ def _serve(pipe: Connection, cancel: Any) -> None:
         except AscrcpError as error:
             answer = ("error", error)
         except Exception as error:  # noqa: BLE001 - carried to the caller with its traceback, not swallowed
-            text = "".join(traceback.format_exception(error))
-            answer = ("error", RuntimeError(f"{function.__name__} failed in the compute process:\n{text}"))
+            answer = ("error", _defect(function.__name__, error))
         _send(pipe, answer)

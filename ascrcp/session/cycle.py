@@ -121,7 +121,7 @@ class Cycle:
 
     def point_pan(self, angle: float | None) -> None:
         """Order: pan head set-point [rad]."""
-        self._orders.append(("pan", angle))
+        self._orders.append(("pan", None if angle is None else float(angle)))
 
     def step(self, now_ns: int) -> CycleOutput:
         """Run one cycle; `now_ns` is the instant it really began: the gate judges lateness by it."""

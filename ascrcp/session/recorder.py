@@ -10,11 +10,11 @@ import threading
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import msgspec
 from mcap.writer import CompressionType, Writer
 
 from ascrcp.session.journal import Entry, Journal
 from ascrcp.session.order import encode_order
+from ascrcp.session.store import encode_json
 
 CHUNK_BYTES = 16 * 1024  # faults, trap 8
 FLUSH_NS = 200_000_000  # at most this much of the run is lost to a killed process (faults G9: 0.5 s)
@@ -37,9 +37,6 @@ CAN_TOPIC = "/can"
 """One message a cycle: see `encode_frames`."""
 ORDER_TOPIC = "/order"
 """Orders taken in the cycle whose frames follow: see order.py."""
-
-_JSON = msgspec.json.Encoder(enc_hook=lambda array: array.tolist())
-
 
 class Message(NamedTuple):
     """One record on its way to the file: topic, instant [ns], content."""
@@ -87,7 +84,7 @@ class Recorder:
 
     def _register(self, topic: str, properties: dict[str, Any]) -> int:
         schema = {"type": "object", "properties": properties}
-        number = self._writer.register_schema(f"ascrcp{topic}", "jsonschema", msgspec.json.encode(schema))
+        number = self._writer.register_schema(f"ascrcp{topic}", "jsonschema", encode_json(schema))
         return self._writer.register_channel(topic, "json", number)
 
     def put(self, topic: str, t_ns: int, content: Any) -> None:
@@ -115,7 +112,7 @@ class Recorder:
         if topic == ORDER_TOPIC:
             data = encode_order(*content)
         else:
-            data = content if isinstance(content, bytes) else _JSON.encode(content)
+            data = content if isinstance(content, bytes) else encode_json(content)
         self._writer.add_message(self._channels[topic], t_ns, data, t_ns)
         if t_ns - self._flushed_ns >= FLUSH_NS:
             self._writer.flush()

@@ -5,6 +5,7 @@ import hashlib
 import math
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeVar
@@ -336,9 +337,11 @@ class Session:
             self.announce(f"Stopped: {error}", f"已停止：{error}", failure=True)
         except AscrcpError as error:
             self.announce(str(error), str(error), failure=True)
+            for note in getattr(error, "__notes__", ()):
+                self._recorder.put_event(self.t_ns, "defect", step.value, note)
         except Exception as error:  # noqa: BLE001 - a worker's exception must reach the screen
             self.announce(f"Internal error in {step.value}: {error!r}", f"内部错误：{error!r}", failure=True)
-            self._recorder.put_event(self.t_ns, "step", step.value, f"internal error: {error!r}")
+            self._recorder.put_event(self.t_ns, "defect", step.value, traceback.format_exc())
         finally:
             self._collector = None
             with self._lock:

@@ -16,7 +16,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.kinematics.arm import load_arm
 from ascrcp.kinematics.path import solve_path
-from ascrcp.perception.feature import compute_features
+from ascrcp.perception.features import build_features
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.project import project
 from ascrcp.perception.reader import read_cloud
@@ -61,12 +61,15 @@ def recognise(
     round_ = Round(folder)
     cloud = read_cloud(cloud_file) if cloud_file is not None else _projected(round_, machine)
     progress(0.2)
-    found = recognise_cloud(cloud, profile, parameters, progress=lambda f: progress(0.2 + 0.7 * f))
+    timing: dict[str, float] = {}
+    surface = recognise_cloud(
+        cloud, profile, parameters, progress=lambda _, done: progress(0.2 + 0.7 * done), timing=timing
+    )
     folder.mkdir(parents=True, exist_ok=True)
-    write_surface(round_.surface, found.surface)
-    write_labelled_cloud(round_.cloud, found.surface)
-    write_json(round_.features, compute_features(found))
-    return found.surface
+    write_surface(round_.surface, surface)
+    write_labelled_cloud(round_.cloud, surface)
+    write_json(round_.features, build_features(surface, len(cloud.points), timing))
+    return surface
 
 
 def _projected(round_: Round, machine: str) -> Cloud:

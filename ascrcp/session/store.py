@@ -60,9 +60,17 @@ def write_atomic(path: Path, write: Callable[[BinaryIO], Any]) -> None:
         raise
 
 
+_ENCODER = msgspec.json.Encoder(enc_hook=lambda value: value.tolist())
+
+
+def encode_json(tree: Any) -> bytes:
+    """Encode plain values, NumPy's own numbers and arrays among them; NaN becomes null."""
+    return _ENCODER.encode(tree)
+
+
 def write_json(path: Path, tree: Any) -> None:
     """Write plain values as indented JSON, whole or not at all."""
-    data = msgspec.json.format(msgspec.json.encode(tree), indent=1)
+    data = msgspec.json.format(encode_json(tree), indent=1)
     write_atomic(path, lambda file: file.write(data + b"\n"))
 
 
@@ -82,7 +90,7 @@ def read_json(path: Path) -> Any:
 
 def write_archive(path: Path, kind: str, meta: Any, arrays: dict[str, Any]) -> None:
     """Write arrays with a small JSON head as a NumPy archive, whole or not at all."""
-    head = msgspec.json.encode({"format": f"ascrcp-{kind}", "version": VERSION, "meta": meta})
+    head = encode_json({"format": f"ascrcp-{kind}", "version": VERSION, "meta": meta})
     columns = {name: np.asarray(array) for name, array in arrays.items()}
     write_atomic(path, lambda file: np.savez(file, head=np.frombuffer(head, np.uint8), **columns))
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ascrcp.core.errors import CancelledError, DeviceError, InputError
+from ascrcp.core.errors import CancelledError, DefectError, DeviceError, InputError
 from ascrcp.session.compute import Compute
 
 
@@ -59,8 +59,9 @@ def test_arrays_come_back_whole_and_read_only(compute: Compute) -> None:
 def test_errors_on_purpose_keep_their_kind_and_text(compute: Compute) -> None:
     with pytest.raises(InputError, match="line 7 is bad"):
         compute.run(refuse, "line 7 is bad")
-    with pytest.raises(RuntimeError, match="ZeroDivisionError"):
+    with pytest.raises(DefectError, match="divide: ZeroDivisionError") as defect:
         compute.run(divide)
+    assert "Traceback" in defect.value.__notes__[0]
 
 
 def test_cancel_ends_a_stage_that_asks_and_one_that_does_not(compute: Compute) -> None:
