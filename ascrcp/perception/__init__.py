@@ -1,1 +1,1 @@
-"""Recognise the heading: lidar lines or a cloud file -> tunnel surface with its findings (thesis chapter 3)."""
+"""Recognise the heading: lidar lines or a cloud file -> Surface with its findings (thesis chapter 3)."""

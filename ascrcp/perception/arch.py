@@ -14,6 +14,7 @@ from ascrcp.core.flow import Arch
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.perception.parameter import ArchParameters, SectionParameters
+from ascrcp.perception.profile_line import crown_height
 from ascrcp.perception.raster import Unrolled, raster_over
 
 _ROW = 0.025  # half a slice: an arch cut anywhere still fills slices of this length [m]
@@ -111,11 +112,6 @@ def to_arch(ring: Ring, profile: Profile) -> Arch:
     )
 
 
-def crown_height(profile: Profile) -> float:
-    """Height of the design line's crown above the axis [m]."""
-    return float(profile.point(np.linspace(0.0, profile.length, 1001))[:, 1].max())
-
-
 def _count(
     wall: Unrolled,
     hit: NDArray[np.bool_],
@@ -153,14 +149,13 @@ def _vote(
             arc = float(score[top]) / width * float(np.hypot(*(line.yz[1] - line.yz[0])))
             if arc > best * (1.0 + 0.01 * (skew != 0.0)):
                 best = arc
-                # an even kernel is centred half a row below its middle
-                guess = Ring(start + (top + 0.0) * _ROW, float(lean), float(skew), profile.arch_width, (0, 0))
+                guess = Ring(start + top * _ROW, float(lean), float(skew), profile.arch_width, (0, 0))
     return guess
 
 
 def _steps(limit_deg: float, step_deg: float) -> Array:
     n = int(np.floor(limit_deg / step_deg))
-    return np.arange(-n, n + 1) * step_deg
+    return np.asarray(np.arange(-n, n + 1) * step_deg, dtype=float)
 
 
 def _place(
@@ -181,7 +176,7 @@ def _place(
         good = np.flatnonzero((width > 0.5 * profile.arch_width) & (width < 1.3 * profile.arch_width))
         if len(good) < 8:
             return None
-        yz = profile.point((good + 0.5) * section.column, profile.arch_line)
+        yz = profile.point(np.asarray((good + 0.5) * section.column, dtype=float), profile.arch_line)
         fit = _robust_plane((low[good] + high[good]) / 2, yz)
         ring = Ring(
             ring.station + float(fit[0]),
@@ -198,10 +193,10 @@ def _robust_plane(middle: Array, yz: Array) -> Array:
     design = np.column_stack([np.ones(len(middle)), yz[:, 1], yz[:, 0]])
     prior = np.diag([0.0, 1e-3, 1.0]) * len(middle) * 1e-2  # a short stretch must not invent skew
     weight = np.ones(len(middle))
-    solution = np.zeros(3)
+    solution: Array = np.zeros(3)
     for _ in range(5):
         normal = (design * weight[:, None]).T @ design + prior
-        solution = np.linalg.solve(normal, design.T @ (weight * middle))
+        solution = np.linalg.solve(normal, design.T @ (weight * middle)).astype(float)
         error = middle - design @ solution
         scale = max(0.004, 1.4826 * float(np.median(np.abs(error))))
         weight = np.maximum(0.0, 1.0 - (error / (4.0 * scale)) ** 2) ** 2
@@ -226,7 +221,6 @@ def _checked(
     raster = raster_over(-half, half, _ROW, section.column, profile)
     index = raster.index(ring.distance(wall.station, wall.yz), wall.along)
     count, inside = raster.total(index), raster.total(index, hit.astype(float))
-    # a half slice holds few points: ask for less than the share in one column, for all of it in the arc
     rule = [
         stretch(inside[i], count[i], parameters.share)[2] * raster.column >= parameters.arc
         for i in range(raster.shape[0])
@@ -235,9 +229,21 @@ def _checked(
     if not 2 * parameters.slices - 2 <= run <= _TOO_WIDE * profile.arch_width / _ROW:
         return None
     middle = np.abs(raster.station) < 0.4 * profile.arch_width
-    first, last, _ = stretch(inside[middle].sum(axis=0), count[middle].sum(axis=0), parameters.share)
-    span = (first * raster.column, (last + 1) * raster.column)
+    span = _span(inside[middle].sum(axis=0), count[middle].sum(axis=0), raster.column)
     return Ring(ring.station, ring.lean, ring.skew, ring.width, span)
+
+
+def _span(inside: Array, count: Array, column: float) -> tuple[float, float]:
+    """First and last arc length at which three columns in a row show the arch [m].
+
+    Gaps between them are bumps, pockets seen behind it or things that stand before it.
+    """
+    hit = inside >= np.maximum(0.5 * count, 1.0)
+    runs = np.convolve(hit, np.ones(3), mode="valid") >= 3
+    places = np.flatnonzero(runs)
+    if not len(places):
+        return 0.0, 0.0
+    return float(places[0] * column), float((places[-1] + 3) * column)
 
 
 def stretch(inside: Array, count: Array, share: float) -> tuple[int, int, int]:

@@ -1,4 +1,4 @@
-"""Find the tunnel axis: direction from normals, place from the profile, then the robust fit (thesis 3.3.2)."""
+"""Find the tunnel axis: direction from normals, place from the profile, then a robust fit (thesis 3.3.2)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,13 +7,17 @@ from scipy.signal import fftconvolve
 from ascrcp.core.flow import Axis
 from ascrcp.core.geometry import Array, unit
 from ascrcp.core.profile import Profile
-from ascrcp.perception.fit import check_fit, fit_axis
+from ascrcp.perception.arch import Ring
+from ascrcp.perception.fit import DROPPED, NO_ARCH, check_fit, fit_axis
 from ascrcp.perception.normal import direction_from_normals, estimate_normals
 from ascrcp.perception.parameter import AxisParameters
+from ascrcp.perception.profile_line import between
+from ascrcp.perception.raster import unroll
 
 _PIXEL = 0.10  # of the section picture the profile is matched in [m]
 _SLAB = 0.5  # stations are counted once per slab, so that the face does not outweigh the wall [m]
 _FIT_POINTS = 120_000  # enough for the fit's cells; measured: more changes it by less than 0.1 mm
+_SIDE = 0.03  # the arch's edges are left out of the second fit by this much [m]
 _BAND = 0.10  # wall is looked for this far inside the arch line and outside the overbreak line [m]
 
 
@@ -38,6 +42,37 @@ def find_axis(points: NDArray[np.float32], profile: Profile, parameters: AxisPar
     fit = fit_axis(some, start, profile, parameters)
     check_fit(fit, profile, parameters)
     return fit.axis
+
+
+def refine_axis(
+    points: NDArray[np.float32],
+    axis: Axis,
+    rings: list[Ring],
+    profile: Profile,
+    parameters: AxisParameters,
+) -> Axis:
+    """Fit once more with the arches known: each is one ring, however it leans.
+
+    Args:
+        points: The tunnel's points without floor, base frame [m], shape (n, 3).
+        axis: Axis the arches were found with.
+        rings: Arches.
+        profile: Design profile.
+        parameters: Cells of the fit.
+
+    Returns:
+        The better axis.
+    """
+    some = points[:: 1 + len(points) // _FIT_POINTS]
+    flat = unroll(some, axis, profile)
+    arch = np.full(len(flat), NO_ARCH, dtype=np.int64)
+    inner = flat.offset < between(profile)
+    for number, ring in enumerate(rings):
+        distance = np.abs(ring.distance(flat.station, flat.yz))
+        # the arch's sides and what hides behind its edges belong to no ring
+        arch[inner & (distance < ring.width / 2 + _SIDE)] = DROPPED
+        arch[inner & (distance < ring.width / 2 - _SIDE)] = number
+    return fit_axis(some, axis, profile, parameters, arch).axis
 
 
 def axis_through(point: Array, direction: Array) -> Axis:

@@ -1,4 +1,4 @@
-"""Bays: the wall between arches; together with the arches they tile the unsprayed part (thesis figure 3-20)."""
+"""Bays: the wall between arches; with the arches they tile the unsprayed part (thesis figure 3-20)."""
 
 from ascrcp.core.flow import Arch, Bay
 

@@ -7,9 +7,7 @@ from ascrcp.core.profile import Profile
 from ascrcp.perception.parameter import CropParameters
 
 
-def crop(
-    points: NDArray[np.float32], profile: Profile, parameters: CropParameters
-) -> NDArray[np.float32]:
+def crop(points: NDArray[np.float32], profile: Profile, parameters: CropParameters) -> NDArray[np.float32]:
     """Keep the finite points inside a box around the base origin.
 
     The box follows the profile's size, so that a larger tunnel needs no new settings; the axis may

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ascrcp.core.flow import Arch, Bay, Overbreak, Surface
-from ascrcp.perception.arch import crown_height
+from ascrcp.perception.profile_line import crown_height, curvature
 
 
 def build_features(surface: Surface, points_in: int, timing: dict[str, float]) -> dict[str, Any]:
@@ -50,11 +50,10 @@ def shadow_volume(surface: Surface) -> float:
     if not mine.any():
         return 0.0
     depth = np.where(mine, np.maximum(np.nan_to_num(surface.offset, nan=line) - line, 0.0), 0.0)
-    starts = surface.profile.arc_starts
-    arc = np.clip(np.searchsorted(starts, surface.along, side="right") - 1, 0, len(starts) - 2)
-    radius = np.array([a.radius for a in surface.profile.arcs])[arc]
     cell = float(surface.station[1] - surface.station[0]) * float(surface.along[1] - surface.along[0])
-    return float(np.sum(cell * depth * (1.0 + (line + depth / 2) / radius)))
+    return float(
+        np.sum(cell * depth * (1.0 + (line + depth / 2) * curvature(surface.profile, surface.along)))
+    )
 
 
 def _arch(arch: Arch, crown: float) -> dict[str, Any]:

@@ -16,7 +16,10 @@ from ascrcp.core.flow import Axis
 from ascrcp.core.geometry import Array, unit
 from ascrcp.core.profile import Profile
 from ascrcp.perception.parameter import AxisParameters
+from ascrcp.perception.profile_line import between
 from ascrcp.perception.raster import Raster, Unrolled, raster_over, unroll
+
+NO_ARCH, DROPPED = -1, -2  # points on no arch; points beside an arch that belong to no ring
 
 _INSIDE, _OUTSIDE = 0.45, 0.45  # band about the two lines that is looked at in the first steps [m]
 _FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
@@ -27,6 +30,7 @@ _MIN_CELLS = 8  # a ring with fewer cells says nothing about its centre
 _SPRAYED_LENGTH = 1.5  # more of the arch line than this seen is the sprayed part, not arches [m]
 _ONE_SURFACE = 0.10  # points spread over all of the band would have 0.19 m, rock in a cell has 0.03 m
 _MIN_COMPACT = 0.6  # placeholder
+_BARE_ROCK_DEG = 0.15  # far off only the bumps of bare rock are seen, which tilts the fit: synthetic headings
 _BLOCK = 1.5  # roughness is taken as independent beyond this [m], for the uncertainty
 
 
@@ -65,7 +69,11 @@ class _Cells:
 
 
 def fit_axis(
-    points: NDArray[np.float32], start: Axis, profile: Profile, parameters: AxisParameters
+    points: NDArray[np.float32],
+    start: Axis,
+    profile: Profile,
+    parameters: AxisParameters,
+    arch: NDArray[np.int64] | None = None,
 ) -> Fit:
     """Fit the axis by iterated, reweighted least squares.
 
@@ -74,6 +82,8 @@ def fit_axis(
         start: First estimate, good to about 2 deg and 0.3 m.
         profile: Design profile.
         parameters: Cells and number of iterations.
+        arch: Once arches are known, the arch each point lies on, NO_ARCH or DROPPED, shape (n,).
+            `start` is then good, and each arch is one ring however it leans.
 
     Returns:
         The axis with one-sigma uncertainties, and its rings.
@@ -82,11 +92,12 @@ def fit_axis(
         RecognitionError: If too little wall is seen to fit anything.
     """
     axis = start
-    scale = 0.15  # narrows step by step: far cells may count at first only
+    # narrows step by step: far cells may count at first only
+    scale = 0.15 if arch is None else _FLOOR
     for step in range(parameters.iterations):
-        wide = step < parameters.iterations // 2
+        wide = arch is None and step < parameters.iterations // 2
         flat = unroll(points, axis, profile)
-        cells = _gather(flat, profile, parameters, wide)
+        cells = _gather(flat, profile, parameters, wide, arch)
         move, _, weight = _solve(cells, profile, scale)
         middle = float(np.average(cells.station, weights=weight))
         axis = _moved(axis, move, middle)
@@ -94,13 +105,15 @@ def fit_axis(
             break
         scale = max(_FLOOR, scale * 0.5)
     flat = unroll(points, axis, profile)
-    cells = _gather(flat, profile, parameters, wide=False)
+    cells = _gather(flat, profile, parameters, False, arch)
     _, spread, weight = _solve(cells, profile, _FLOOR)
+    evidence = _evidence(cells, weight, parameters)
+    bare = 0.0 if "sprayed" in evidence else _BARE_ROCK_DEG
     axis = replace(
         axis,
-        direction_sigma_deg=float(np.degrees(np.hypot(spread[2], spread[3]))),
+        direction_sigma_deg=float(np.hypot(np.degrees(np.hypot(spread[2], spread[3])), bare)),
         position_sigma=float(np.hypot(spread[0], spread[1])),
-        evidence=_evidence(cells, weight, parameters),
+        evidence=evidence,
     )
     return _describe(axis, flat, cells, profile, parameters)
 
@@ -147,10 +160,19 @@ def _taper(fit: Fit) -> float:
     return float(np.median(every)) if len(every) else np.inf
 
 
-def _gather(flat: Unrolled, profile: Profile, parameters: AxisParameters, wide: bool) -> _Cells:
+def _gather(
+    flat: Unrolled,
+    profile: Profile,
+    parameters: AxisParameters,
+    wide: bool,
+    arch: NDArray[np.int64] | None,
+) -> _Cells:
     low = profile.arch_line - (_INSIDE if wide else 0.5 * _INSIDE)
     high = profile.overbreak_line + (_OUTSIDE if wide else 0.5 * _OUTSIDE)
     on = flat.beside & (flat.offset > low) & (flat.offset < high)
+    if arch is not None:
+        on &= arch != DROPPED
+        arch = arch[on]
     if on.sum() < 500:
         raise RecognitionError(
             f"no tunnel found: only {int(on.sum())} points lie near the line of profile {profile.name}"
@@ -164,36 +186,29 @@ def _gather(flat: Unrolled, profile: Profile, parameters: AxisParameters, wide: 
         profile,
     )
     index = raster.index(flat.station, flat.along)
-    if wide:
-        return _average(raster, index, flat, np.zeros(len(flat), dtype=bool))
     # inner and outer surface of one slice are rings of their own: arch and the rock beside it
-    return _average(raster, index, flat, flat.offset > _between(profile))
+    outer = (flat.offset > between(profile)) & (not wide)
+    group = outer.astype(np.int64)
+    if arch is not None:
+        group = np.where(arch >= 0, 2 + arch, group)
+    return _average(raster, index, flat, group)
 
 
-def _between(profile: Profile) -> float:
-    """Offset that parts surfaces at the arch line from rock [m]."""
-    return profile.arch_line / 2 if profile.arch_line < 0 < profile.overbreak_line else (
-        profile.arch_line + profile.overbreak_line
-    ) / 2
-
-
-def _average(
-    raster: Raster, index: NDArray[np.int64], flat: Unrolled, outer: NDArray[np.bool_]
-) -> _Cells:
+def _average(raster: Raster, index: NDArray[np.int64], flat: Unrolled, group: NDArray[np.int64]) -> _Cells:
+    """Average points over cells; group 0 inner and 1 outer surface by slice, others one arch each."""
     rows, columns = raster.shape
-    key = index + outer * (rows * columns)
-    count = np.bincount(key, minlength=2 * rows * columns)
+    size = rows * columns
+    key = index + group * size
+    count = np.bincount(key)
     full = np.flatnonzero(count >= 2)
-    mean = np.bincount(key, flat.offset, minlength=len(count))[full] / count[full]
-    station = np.bincount(key, flat.station, minlength=len(count))[full] / count[full]
-    along = np.bincount(key, flat.along, minlength=len(count))[full] / count[full]
-    is_outer = full >= rows * columns
-    ring = (full % (rows * columns)) // columns + is_outer * rows
-    enough = np.bincount(ring, minlength=2 * rows)[ring] >= _MIN_CELLS
+    total = [np.bincount(key, v)[full] / count[full] for v in (flat.offset, flat.station, flat.along)]
+    owner = full // size
+    ring = np.where(owner < 2, (full % size) // columns + owner * rows, 2 * rows + owner)
+    enough = np.bincount(ring)[ring] >= _MIN_CELLS
     if enough.sum() < 4 * _MIN_CELLS:
         raise RecognitionError("no tunnel found: too little wall is seen to fit an axis to it")
     _, ring = np.unique(ring[enough], return_inverse=True)
-    return _Cells(ring, station[enough], along[enough], mean[enough], is_outer[enough])
+    return _Cells(ring, total[1][enough], total[2][enough], total[0][enough], owner[enough] == 1)
 
 
 def _medians(value: Array, ring: NDArray[np.int64]) -> Array:
@@ -218,14 +233,14 @@ def _solve(cells: _Cells, profile: Profile, scale: float) -> tuple[Array, Array,
     weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / (sigma**2 + _SETTING_OUT**2)
     lever = cells.station - np.average(cells.station, weights=weight)
     normal = profile.normal(cells.along)
-    design = np.column_stack([normal, normal * lever[:, None]])
-    total = np.bincount(ring, weight)
-    design -= _ring_mean(design, weight, ring, total)
+    design: Array = np.column_stack([normal, normal * lever[:, None]]).astype(float)
+    total: Array = np.bincount(ring, weight).astype(float)
+    design = design - _ring_mean(design, weight, ring, total)
     error = error - _ring_mean(error[:, None], weight, ring, total)[:, 0]
     information = (design * weight[:, None]).T @ design
     if not np.linalg.cond(information) < 1e9:
         raise RecognitionError("no tunnel found: the wall seen is too narrow to place the axis")
-    move = np.linalg.solve(information, design.T @ (weight * error))
+    move: Array = np.linalg.solve(information, design.T @ (weight * error)).astype(float)
     left = error - design @ move
     return move, _spread(cells, design, weight * left, information), weight
 

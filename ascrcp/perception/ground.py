@@ -1,5 +1,7 @@
 """Ground off: find the floor plane below the tunnel so that clusters no longer hang together on it."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,7 +52,7 @@ def is_ground(points: NDArray[np.float32], plane: Array | None, clearance: float
     return np.asarray(points[:, 2] < _height(points, plane.astype(np.float32)) + np.float32(clearance))
 
 
-def _height(points: Array, plane: Array) -> Array:
+def _height(points: NDArray[Any], plane: NDArray[Any]) -> NDArray[Any]:
     return plane[0] * points[:, 0] + plane[1] * points[:, 1] + plane[2]
 
 

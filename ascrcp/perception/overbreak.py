@@ -1,4 +1,4 @@
-"""Recognise overbreak: runs of 20 cm beyond R2 along the arc, joined over slices (thesis figures 3-15, 3-16)."""
+"""Recognise overbreak: runs of 20 cm beyond R2 along the arc, joined over slices (thesis figure 3-16)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +8,7 @@ from ascrcp.core.flow import Overbreak
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.perception.parameter import OverbreakParameters
+from ascrcp.perception.profile_line import curvature
 from ascrcp.perception.section import Extent
 from ascrcp.perception.wall import Wall
 
@@ -42,7 +43,8 @@ def find_overbreak(
         if area[mine].sum() < parameters.min_area:
             continue
         depth = float((wall.offset[mine] - line).max())
-        if depth >= parameters.min_depth:
+        mean = float(volume[mine].sum() / area[mine].sum())
+        if depth >= parameters.min_depth and mean >= parameters.min_mean_depth:
             regions.append((_region(wall, parts == part, mine, area, volume, depth, profile), part))
     regions.sort(key=lambda r: -r[0].volume_m3)
     chosen = np.isin(parts, [part for _, part in regions])
@@ -70,17 +72,10 @@ def beyond_runs(wall: Wall, line: float, parameters: OverbreakParameters) -> NDA
     return marked
 
 
-def curvature(wall: Wall, profile: Profile) -> Array:
-    """Curvature of the design line at the columns [1/m], shape (na,)."""
-    starts = profile.arc_starts
-    arc = np.clip(np.searchsorted(starts, wall.raster.along, side="right") - 1, 0, len(profile.arcs) - 1)
-    return 1.0 / np.array([a.radius for a in profile.arcs])[arc]
-
-
 def cell_area(wall: Wall, profile: Profile) -> Array:
     """Area of each cell on the overbreak line [m2], shape (ns, na)."""
     flat = wall.raster.row * wall.raster.column
-    row = flat * (1.0 + profile.overbreak_line * curvature(wall, profile))
+    row = flat * (1.0 + profile.overbreak_line * curvature(profile, wall.raster.along))
     return np.broadcast_to(row, wall.offset.shape)
 
 
@@ -91,7 +86,7 @@ def cell_volume(wall: Wall, profile: Profile) -> Array:
     """
     line = profile.overbreak_line
     depth = np.maximum(np.nan_to_num(wall.offset, nan=line) - line, 0.0)
-    widening = 1.0 + curvature(wall, profile) * (line + depth / 2)
+    widening = 1.0 + curvature(profile, wall.raster.along) * (line + depth / 2)
     return np.asarray(wall.raster.row * wall.raster.column * depth * widening)
 
 

@@ -78,12 +78,13 @@ class ArchParameters(Struct):
 
 
 class OverbreakParameters(Struct):
-    """Overbreak rule of thesis 3.3.3: run along the arc [m], share, smallest region [m2], [m]."""
+    """Overbreak rule of thesis 3.3.3: run along the arc [m], share, smallest region [m2] and depths [m]."""
 
     run: Length
     share: Share
     min_area: Annotated[float, Meta(ge=0.0, le=10.0)]
     min_depth: Annotated[float, Meta(ge=0.0, le=2.0)]
+    min_mean_depth: Annotated[float, Meta(ge=0.0, le=2.0)]
 
 
 class WallParameters(Struct):

@@ -67,12 +67,12 @@ class Raster:
     @property
     def station(self) -> Array:
         """Stations of the rows' middles [m], shape (rows,)."""
-        return self.start + (np.arange(self.shape[0]) + 0.5) * self.row
+        return np.asarray(self.start + (np.arange(self.shape[0]) + 0.5) * self.row, dtype=float)
 
     @property
     def along(self) -> Array:
         """Arc lengths of the columns' middles [m], shape (columns,)."""
-        return (np.arange(self.shape[1]) + 0.5) * self.column
+        return np.asarray((np.arange(self.shape[1]) + 0.5) * self.column, dtype=float)
 
     def index(self, station: Array, along: Array) -> NDArray[np.int64]:
         """Return the flat cell of each point, one past the last cell for points outside, shape (n,)."""

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from ascrcp.core.errors import RecognitionError
 from ascrcp.core.flow import Axis, Cloud, Label, Surface
 from ascrcp.core.profile import Profile
 from ascrcp.perception.arch import Ring, find_arches, to_arch
-from ascrcp.perception.axis import find_axis
+from ascrcp.perception.axis import find_axis, refine_axis
 from ascrcp.perception.bay import find_bays
 from ascrcp.perception.cluster import cluster
 from ascrcp.perception.crop import crop
@@ -87,17 +87,18 @@ def recognise(
     with step("axis"):
         axis = find_axis(above[owner == 0], profile, parameters.axis)
     with step("section"):
-        flat = unroll(above, axis, profile)
-        tunnel = flat.pick(is_tunnel(flat, owner, profile))
-        extent = find_extent(flat, profile, parameters.section)
-        wall_points = tunnel.pick(is_wall(tunnel, profile, parameters.section))
-        _check_heading(wall_points, extent, profile)
+        slices = _cut(above, owner, axis, profile, parameters)
+        _check_heading(slices, profile)
     with step("arch"):
-        rings = find_arches(
-            wall_points, extent.sprayed_end, extent.end, profile, parameters.arch, parameters.section
-        )
+        rings = _arches(slices, profile, parameters)
+        if rings:
+            # where an arch leans its slices are half rock: now that it is known, fit once more
+            axis = refine_axis(above[owner == 0], axis, rings, profile, parameters.axis)
+            slices = _cut(above, owner, axis, profile, parameters)
+            rings = _arches(slices, profile, parameters)
+    flat, extent = slices.flat, slices.extent
     with step("overbreak"):
-        wall = build_wall(wall_points, extent, rings, profile, parameters.wall)
+        wall = build_wall(slices.wall, extent, rings, profile, parameters.wall)
         regions, cells = find_overbreak(wall, extent, profile, parameters.overbreak)
     with step("label"):
         labels = np.full(len(points), Label.GROUND, dtype=np.uint8)
@@ -118,6 +119,32 @@ def recognise(
         points=points,
         labels=labels,
     )
+
+
+@dataclass(frozen=True)
+class _Slices:
+    """All points above the floor in the tunnel's coordinates, those of the wall, and the extent."""
+
+    flat: Unrolled
+    wall: Unrolled
+    extent: Extent
+
+
+def _cut(
+    above: NDArray[np.float32],
+    owner: NDArray[np.int32],
+    axis: Axis,
+    profile: Profile,
+    parameters: PerceptionParameters,
+) -> _Slices:
+    flat = unroll(above, axis, profile)
+    wall = is_tunnel(flat, owner, profile) & is_wall(flat, profile, parameters.section)
+    return _Slices(flat, flat.pick(wall), find_extent(flat, profile, parameters.section))
+
+
+def _arches(slices: _Slices, profile: Profile, parameters: PerceptionParameters) -> list[Ring]:
+    first, last = slices.extent.sprayed_end, slices.extent.end
+    return find_arches(slices.wall, first, last, profile, parameters.arch, parameters.section)
 
 
 def is_tunnel(flat: Unrolled, owner: NDArray[np.int32], profile: Profile) -> NDArray[np.bool_]:
@@ -149,8 +176,9 @@ def _ground(points: NDArray[np.float32], parameters: PerceptionParameters) -> ND
     return is_ground(points, find_ground(points, parameters.ground), parameters.ground.clearance)
 
 
-def _check_heading(wall: Unrolled, extent: Extent, profile: Profile) -> None:
+def _check_heading(slices: _Slices, profile: Profile) -> None:
     """Refuse a wall that lies beyond the overbreak line nearly everywhere: another tunnel's profile."""
+    wall, extent = slices.wall, slices.extent
     mine = (wall.station > extent.sprayed_end) & (wall.station < extent.end)
     if not mine.any():
         return

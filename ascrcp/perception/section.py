@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.perception.parameter import SectionParameters
+from ascrcp.perception.profile_line import between
 from ascrcp.perception.raster import Unrolled, raster_over
 
 _FACE_CELL = 0.3  # squares of the section in which the face is looked for [m]
@@ -32,13 +33,6 @@ class Extent:
     end: float
     face: float | None
     first: float
-
-
-def between(profile: Profile) -> float:
-    """Offset that parts surfaces at the arch line from rock about the design line [m]."""
-    if profile.arch_line < 0.0 < profile.overbreak_line:
-        return profile.arch_line / 2.0
-    return (profile.arch_line + profile.overbreak_line) / 2.0
 
 
 def is_wall(flat: Unrolled, profile: Profile, parameters: SectionParameters) -> NDArray[np.bool_]:

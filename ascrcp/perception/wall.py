@@ -9,8 +9,9 @@ from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.perception.arch import Ring
 from ascrcp.perception.parameter import WallParameters
+from ascrcp.perception.profile_line import between
 from ascrcp.perception.raster import Raster, Unrolled, raster_over
-from ascrcp.perception.section import Extent, between
+from ascrcp.perception.section import Extent
 
 _SIDE = 0.03  # the arch's own side is seen this far beyond its flange [m]
 _EDGE = 3  # cells at an open end (face, edge of the sprayed part) that take their neighbour's value

@@ -45,7 +45,7 @@ class Truth:
     unsprayed: tuple[float, float]
     arches: list[tuple[float, float]] = field(default_factory=list)  # station on the axis, lean [deg]
     pockets: list[tuple[float, float, float, float, float]] = field(default_factory=list)
-    volume_seen: float = 0.0  # beyond the overbreak line, cells that at least one point fell on
+    volume_seen: float = 0.0  # beyond the overbreak line, in 10 cm cells that a point fell on
 
 
 @dataclass
@@ -87,7 +87,10 @@ class Heading:
         size = (int(26 / 0.1), int(self.profile.length / 0.1) + 2)
         self._rock = recipe.rough * self._field(size, 3.5) + 0.3 * recipe.rough * self._field(size, 1.0)
         self._sprayed = 0.01 * self._field(size, 5.0)
-        bump_s, bump_a = self.rng.uniform(s0 + 0.4, self.s1 - 0.4), self.rng.uniform(0.2, 0.8) * self.profile.length
+        bump_s, bump_a = (
+            self.rng.uniform(s0 + 0.4, self.s1 - 0.4),
+            self.rng.uniform(0.2, 0.8) * self.profile.length,
+        )
         self.bump = (bump_s, bump_a)
 
     def _field(self, size: tuple[int, int], sigma: float) -> Array:
@@ -176,8 +179,7 @@ class Heading:
         return (points @ self.R.T + self.point).astype(np.float32)
 
     def _floor(self, eye: Array, d: Array) -> Array:
-        t = (self.recipe.floor - eye[2]) / np.where(d[:, 2] < -1e-6, d[:, 2], -1e-6)
-        return t
+        return (self.recipe.floor - eye[2]) / np.where(d[:, 2] < -1e-6, d[:, 2], -1e-6)
 
     def _face(self, eye: Array, d: Array) -> Array:
         if not self.recipe.face:
@@ -211,20 +213,20 @@ class Heading:
         return out
 
     def _seen(self, points: Array) -> None:
-        step = 0.05
         along, offset = self.profile.locate(points[:, 1:])
         wall = self.wall(points[:, 0], along)
         on = (np.abs(offset - wall) < 0.06) & (points[:, 0] > self.s0) & (points[:, 0] < self.s1)
+        coarse, fine = 0.1, 0.02
         cells = np.unique(
-            np.floor(points[on, 0] / step).astype(int) * 10_000 + np.floor(along[on] / step).astype(int)
+            np.floor(points[on, 0] / coarse).astype(int) * 10_000 + np.floor(along[on] / coarse).astype(int)
         )
-        s, a = (cells // 10_000 + 0.5) * step, (cells % 10_000 + 0.5) * step
-        depth = self.wall(s, a) - self.profile.overbreak_line
-        radius = self.profile.arcs[0].radius
-        r2 = radius + self.profile.overbreak_line
-        self.volume_seen = float(
-            np.sum(np.where(depth > 0, ((r2 + depth) ** 2 - r2**2) / 2 / radius * step * step, 0.0))
-        )
+        inner = (np.arange(5) + 0.5) * fine
+        ds, da = (g.ravel() for g in np.meshgrid(inner, inner))
+        s = ((cells // 10_000 * coarse)[:, None] + ds).ravel()
+        a = ((cells % 10_000 * coarse)[:, None] + da).ravel()
+        line, radius = self.profile.overbreak_line, self.profile.arcs[0].radius
+        depth = np.maximum(self.wall(s, a) - line, 0.0)
+        self.volume_seen = float(np.sum(depth * (1.0 + (line + depth / 2) / radius)) * fine * fine)
 
     def truth(self) -> Truth:
         """Truth in the same words as features.json."""
