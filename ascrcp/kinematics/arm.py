@@ -21,6 +21,9 @@ LIMIT_TOLERANCE = 1e-7
 """How far outside a range a joint that stands on its limit may come out [rad, m]: where two solutions
 meet, rounding of the pose is felt by its square root."""
 
+BLOCK = 1024
+"""Poses inverted at once: small enough for the cache."""
+
 
 @dataclass(frozen=True)
 class JointInfo:
@@ -171,10 +174,14 @@ class Arm:
         T = T.reshape(-1, 4, 4)
         values = self._held(held or {}, form.held, len(T))
         reference = None if near is None else np.broadcast_to(self._check(near), (len(T), self.n))
-        q = form.solve(T, values, reference)
-        valid = confirm(self._chain, q, T)
-        q = np.where(valid[..., None], q, np.nan)
-        return Solutions(q, valid, valid & self.within_limits(q))
+        blocks = []
+        for start in range(0, max(len(T), 1), BLOCK):
+            cut = slice(start, start + BLOCK)
+            q = form.solve(T[cut], [v[cut] for v in values], None if reference is None else reference[cut])
+            valid = confirm(self._chain, q, T[cut])
+            q[:, ~valid] = np.nan
+            blocks.append((q.transpose(2, 1, 0), valid.T, (valid & self._inside(q)).T))
+        return Solutions(*(np.concatenate(part) for part in zip(*blocks, strict=True)))
 
     @property
     def held(self) -> tuple[int, ...]:
@@ -192,13 +199,21 @@ class Arm:
             Joint vectors [rad, m], NaN where not real, shape (N, k, n).
         """
         form = self._form()
-        return form.solve(T, self._held(held, form.held, len(T)), None)
+        return form.solve(T, self._held(held, form.held, len(T)), None).transpose(2, 1, 0)
 
     def within_limits(self, q: ArrayLike, tolerance: float = LIMIT_TOLERANCE) -> NDArray[np.bool_]:
         """Tell whether joint vectors (..., n) keep every range; NaN never does. Shape (...)."""
         g = np.asarray(q, dtype=float) @ self.limit_matrix.T
         inside = (g >= self.limit_lower - tolerance) & (g <= self.limit_upper + tolerance)
         return np.asarray(inside.all(axis=-1))
+
+    def _inside(self, q: Array) -> NDArray[np.bool_]:
+        """Tell which candidates keep every range: joint first (n, k, N) -> (k, N)."""
+        inside = np.ones(q.shape[1:], dtype=bool)
+        for i, joint in enumerate(self.joints):
+            g = q[i] if len(joint.limit_sum) == 1 else sum(q[k - 1] for k in joint.limit_sum)
+            inside &= (g >= joint.lower - LIMIT_TOLERANCE) & (g <= joint.upper + LIMIT_TOLERANCE)
+        return inside
 
     def _form(self) -> ClosedForm:
         if self._closed_form is None:

@@ -62,7 +62,7 @@ class BucketInverse:
         return cls(k1, k2, k3, k4, k5, lower, upper)
 
     def solve(self, T: Array, held: Sequence[Array], near: Array | None) -> Array:
-        """Compute the eight candidates of each pose, shape (N, 8, 6), NaN where not real."""
+        """Compute the eight candidates of each pose, joint first: (6, 8, N), NaN where not real."""
         n, o, a, p = (T[:, :3, j].T for j in range(4))
         w = p - self.k5 * n
         q = np.empty((6, 2, 2, 2, len(T)))  # joint, telescope, wrist, slew, pose
@@ -89,4 +89,4 @@ class BucketInverse:
         th3 = np.arctan2(ur, -uz) - th2
         for i, value in enumerate((th1, th2, th3, length - self.k4, th5, th6)):
             q[i] = value if i == 3 else wrap_into(value, self.lower[i], self.upper[i])
-        return np.ascontiguousarray(q.reshape(6, 8, -1).transpose(2, 1, 0))
+        return q.reshape(6, 8, -1)

@@ -86,7 +86,7 @@ class SprayInverse:
             near: Joint vectors whose lance inclination settles a pose that leaves it free, (N, 8).
 
         Returns:
-            Candidates [rad, m], NaN where not real, shape (N, 8, 8).
+            Candidates [rad, m], NaN where not real, joint first: shape (8, 8, N).
         """
         q5, q6 = held
         q = np.empty((8, 2, 2, 2, len(T)))  # joint, boom, roll, slew, pose
@@ -102,7 +102,7 @@ class SprayInverse:
             x = forward - self.boom[0] - (c_beta * lance_x - s_beta * lance_z)
             z = height - self.boom[2] - (s_beta * lance_x + c_beta * lance_z)
             self._solve_boom(x, z, beta, q)
-        return np.ascontiguousarray(q.reshape(8, 8, -1).transpose(2, 1, 0))
+        return q.reshape(8, 8, -1)
 
     def _solve_slew(self, T: Array, lateral: Array, q: Array) -> tuple[Array, Array, list[list[Array]]]:
         """Wrist centre from the tool offset; slew from the constant lateral offset.

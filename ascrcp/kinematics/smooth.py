@@ -157,10 +157,14 @@ def smooth_chain(
     q = project_task(arm, T, q, cost.metric)
     best, damping = total_cost(arm, cost, q, distance, curvature), FIRST_DAMPING
     for done in range(1, rounds + 1):
-        trial = smooth_round(arm, cost, T, q, distance, curvature, damping)
+        report(done)
+        try:
+            trial = smooth_round(arm, cost, T, q, distance, curvature, damping)
+        except np.linalg.LinAlgError:  # not positive definite by rounding: more damping mends it
+            damping *= 8.0
+            continue
         trial = project_task(arm, T, trial, cost.metric, rounds=2)
         reached = total_cost(arm, cost, trial, distance, curvature)
-        report(done)
         if not reached < best:
             damping *= 8.0
             continue

@@ -41,18 +41,19 @@ class ClosedForm(Protocol):
     """Joints, from 1, whose values must be given."""
 
     def solve(self, T: Array, held: Sequence[Array], near: Array | None) -> Array:
-        """Return candidates (N, k, n), NaN where not real; poses (N, 4, 4), held values (N,)."""
+        """Return candidates (n, k, N), NaN where not real; poses (N, 4, 4), held values (N,)."""
         ...
 
 
 def confirm(chain: Sequence[Op], q: Array, T: Array) -> NDArray[np.bool_]:
-    """Tell which candidates (N, k, n) reach the poses (N, 4, 4), shape (N, k); NaN never does."""
-    columns = walk_chain(chain, [q[..., i] for i in range(q.shape[-1])]).columns
-    error = np.zeros(q.shape[:-1])
+    """Tell which candidates (n, k, N) reach the poses (N, 4, 4), shape (k, N); NaN never does."""
+    columns = walk_chain(chain, list(q)).columns
+    good = np.ones(q.shape[1:], dtype=bool)
     for j in (3, 0, 1):  # the third axis follows from the other two
         for i in range(3):
-            np.maximum(error, np.abs(columns[j][i] - T[:, None, i, j]), out=error)
-    return error <= CONFIRM_TOLERANCE
+            miss = columns[j][i] - T[:, i, j]
+            good &= np.abs(miss, out=miss) <= CONFIRM_TOLERANCE
+    return good
 
 
 def wrap_into(angle: Array, lower: float, upper: float) -> Array:

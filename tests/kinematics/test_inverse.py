@@ -209,7 +209,7 @@ def test_a_pose_rounded_as_text_is_solved():
 def test_choice_takes_the_least_weighted_travel_and_keeps_directions():
     arm = load_arm("kc")
     q = draw_joints(arm, 500, seed=12)
-    T, solutions = invert(arm, q)
+    _, solutions = invert(arm, q)
     for i in range(0, 500, 25):
         row = Solutions(*(getattr(solutions, f)[i : i + 1] for f in ("q", "valid", "within_limits")))
         np.testing.assert_allclose(np.sin(choose_solution(arm, row, q[i])[0]), np.sin(q[i]), atol=1e-6)

@@ -162,7 +162,7 @@ def test_unreachable_points_say_which_limit_and_by_how_much():
 
 def test_a_path_wholly_out_of_reach_is_reported_not_raised():
     arm, path = load_arm("kc"), table_path()
-    far = dataclasses.replace(path, position=path.position + [30.0, 0.0, 0.0])
+    far = dataclasses.replace(path, position=path.position + np.array([30.0, 0.0, 0.0]))
     solution = solve_path(arm, far, arm.zero_pose)
     assert not solution.solved.any() and not solution.break_before.any()
     assert all(reason for reason in solution.reasons)
