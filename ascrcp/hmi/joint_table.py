@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
 from ascrcp.hmi import quantity
@@ -13,10 +14,12 @@ from ascrcp.session.snapshot import Snapshot
 
 COLUMNS = ("joint", "actual", "target", "error", "drive")
 ROW_PX, HEADER_PX = 26, 28
-WIDTH_PX = (0, 104, 82, 92, 66)
-"""Columns after the first, which takes what is left [px]."""
 STALE = "▲"
 """Set before a value that is too old."""
+
+WIDEST = ("", f"{STALE} 2200 mm", "2200 mm", "+2200 mm", "+100 %")
+"""Widest text of each column after the first, which takes what is left."""
+PADDING_PX = 14
 
 Index = QModelIndex | QPersistentModelIndex
 
@@ -118,6 +121,12 @@ class JointTable(QTableView):
         header.setSectionsClickable(False)
         header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        for column in range(1, len(COLUMNS)):
-            header.resizeSection(column, WIDTH_PX[column])
         self.setFixedHeight(HEADER_PX + ROW_PX * len(joints) + 4)
+
+    def showEvent(self, event: QShowEvent) -> None:  # noqa: N802
+        """Fit the columns to the font that is really there."""
+        metrics = self.fontMetrics()
+        for column in range(1, len(COLUMNS)):
+            width = metrics.horizontalAdvance(WIDEST[column]) + PADDING_PX
+            self.horizontalHeader().resizeSection(column, width)
+        super().showEvent(event)

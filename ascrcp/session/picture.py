@@ -30,6 +30,7 @@ LABEL_COLOURS = {
     Label.GROUND: "#6b5d52",
     Label.FACE: "#7d7d9c",
 }
+_CENTRED = {"ha": "center", "va": "center"}
 _REFERENCE = "#2e7d32"
 _ACTUAL = "#c62828"
 
@@ -56,15 +57,16 @@ def unrolled_wall(surface: Surface, path: SprayPath | None) -> bytes:
         for arch in surface.arches:
             lean = np.tan(np.radians(arch.lean_deg))
             z = surface.profile.point(surface.along)[:, 1]
+            z = z - z.max()  # an arch's station is that of its crown
             span = (angle >= arch.span_deg[0]) & (angle <= arch.span_deg[1])
             for side in (-0.5, 0.5):
                 ax.plot((arch.station + side * arch.width + lean * z)[span], angle[span], "k-", lw=1.5)
-            ax.annotate(f"arch {arch.station:.2f} m", (arch.station, 90), rotation=90, ha="center", va="center")
+            top = (arch.station, float(angle.max()) + 2)
+            ax.annotate(f"arch\n{arch.station:.2f} m", top, ha="center", va="bottom", annotation_clip=False)
         for i, region in enumerate(surface.overbreak):
             (s0, s1), (a0, a1) = region.station, region.angle_deg
             ax.plot([s0, s1, s1, s0, s0], [a0, a0, a1, a1, a0], color="#6a1b9a", lw=2)
-            text = f"{i + 1}: {region.volume_m3:.2f} m³"
-            ax.annotate(text, (s0, a1), color="#6a1b9a", va="bottom", weight="bold")
+            ax.annotate(str(i + 1), ((s0 + s1) / 2, (a0 + a1) / 2), color="w", weight="bold", **_CENTRED)
         if path is not None:
             for number in np.unique(path.pass_index):
                 rows = path.pass_index == number
@@ -108,7 +110,9 @@ def cloud_and_path(surface: Surface, path: SprayPath | None, trace: RunTrace | N
     """Draw the labelled cloud with the planned path and the way the nozzle really went (fig. 6-10)."""
 
     def fill(ax: Axes) -> None:
-        keep = np.random.default_rng(0).permutation(len(surface.points))[:12_000]
+        s = apply_transform(inverse_transform(surface.axis.T_base_tunnel), surface.points.astype(float))[:, 0]
+        inside = np.flatnonzero((s > surface.unsprayed[0] - 2.0) & (s < surface.unsprayed[1] + 0.5))
+        keep = np.random.default_rng(0).permutation(inside)[:12_000]
         for label, colour in LABEL_COLOURS.items():
             p = surface.points[keep][surface.labels[keep] == label]
             if len(p):
@@ -117,7 +121,10 @@ def cloud_and_path(surface: Surface, path: SprayPath | None, trace: RunTrace | N
             ax.plot(*path.position.T, color=_REFERENCE, lw=0.9, label="planned")
         if trace is not None:
             ax.plot(*trace.nozzle[trace.spraying.astype(bool), :3].T, color=_ACTUAL, lw=0.8, label="nozzle")
-        ax.view_init(elev=18, azim=-160)
+        near = (surface.unsprayed[0] - 2.0, surface.unsprayed[1] + 0.7)
+        low, high = surface.points.min(0), surface.points.max(0)
+        ax.set(xlim=near, ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+        ax.view_init(elev=14, azim=-155)
         ax.set_xlabel("X [m]")
         ax.set_ylabel("Y [m]")
         ax.set_zlabel("Z [m]")

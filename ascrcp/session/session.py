@@ -51,6 +51,7 @@ class Session:
         self._stage = ("", "")
         self._progress = 0.0
         self._stage_began = time.monotonic()
+        self._stage_began_ns = 0
         self._cancelled = threading.Event()
         self._motion: tuple[int, threading.Event] | None = None
         self._motion_result = ""
@@ -175,6 +176,7 @@ class Session:
             remaining_s=self._remaining_s(),
             announcements=self._announcements,
             lateness=self.lateness,
+            realtime_factor=self._realtime_factor(),
             simulated=self.setup.plant is not None,
             round_dir=str(self.round.folder),
             points=self.desk.points,
@@ -214,6 +216,13 @@ class Session:
             tip_error_mm=1e3 * float(np.linalg.norm(tip - target)),
             tip_error_deg=math.degrees(float(angle_between(direction, np.array(track.direction)))),
         )
+
+    def _realtime_factor(self) -> float:
+        """Machine time per wall time since the active step's work began."""
+        wall = time.monotonic() - self._stage_began
+        if self._job.active is None or wall < 1.0:
+            return math.nan
+        return (self.t_ns - self._stage_began_ns) * 1e-9 / wall
 
     def _remaining_s(self) -> float:
         output = self._latest
@@ -327,7 +336,7 @@ class Session:
 
     def _work(self, step: Step) -> None:
         failed = True
-        self._progress, self._stage_began = 0.0, time.monotonic()
+        self._progress, self._stage_began, self._stage_began_ns = 0.0, time.monotonic(), self.t_ns
         try:
             JOBS[step](self.desk)
             failed = False
