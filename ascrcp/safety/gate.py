@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from ascrcp.core.errors import ConfigError
 from ascrcp.core.event import EVENTS, Reaction
 from ascrcp.core.machine_io import Command, MachineInputs, neutral
 from ascrcp.safety.config import SafetyConfig
@@ -54,7 +55,7 @@ class Gate:
     def __init__(self, limits: Limits, config: SafetyConfig) -> None:
         self._joints = len(limits.revolute)
         if len(config.ramp) != self._joints:
-            raise ValueError(f"safety config names {len(config.ramp)} joints, the arm has {self._joints}")
+            raise ConfigError(f"safety config names {len(config.ramp)} joints, the arm has {self._joints}")
         self._config = config
         self._limit = LimitCheck(limits, config)
         self._jump = JumpCheck(limits, config)

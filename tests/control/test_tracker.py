@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 from arc import arc_sequence
@@ -188,3 +189,63 @@ def test_wrong_arm_and_wrong_instant_are_refused():
         tracker.follow(SHORT, SHORT.duration + 1.0)
     with pytest.raises(ConfigError):
         Tracker(load_arm("muck"), CONTROL)
+
+
+def test_resume_after_a_hold_goes_on_at_the_kept_place():
+    plant = Plant(tuple(SHORT.q[0]))
+    tracker = Tracker(ARM, CONTROL)
+    tracker.follow(SHORT)
+    for k in range(2000):
+        if k == 200:
+            tracker.hold()
+            place = tracker.time_s
+        if k == 230:
+            assert tracker.time_s == place > 0.0
+            tracker.resume()
+        out = tracker.update(plant.inputs())
+        plant.step(out.command)
+        if out.state in ("finished", "failed"):
+            break
+    assert out.state == "finished" and out.reached == (SHORT.point >= 0).sum()
+
+
+def test_far_joint_of_the_coupled_pair_waits_for_the_near_one():
+    tracker = Tracker(ARM, CONTROL)
+    q = SHORT.q[0]
+    tracker.follow(replace(SHORT, q=np.tile(q, (len(SHORT.t), 1))))
+    off = replace(Plant(tuple(q)).inputs(), controller_enabled=True)
+    for offset, far_moves in (([0, -0.045, 0, -0.045], False), ([0, 0.0, 0, -0.045], True)):
+        measured = tuple(q + np.array([*offset, 0, 0, 0, 0]))
+        for _ in range(20):
+            out = tracker.update(replace(off, q=measured))
+        assert (out.command.drive[3] != 0.0) == far_moves
+        assert (out.command.drive[1] != 0.0) == (not far_moves)
+
+
+@pytest.mark.parametrize("off_deg, state", [(1.0, "finished"), (2.5, "failed")])
+def test_end_that_does_not_settle_is_accepted_only_when_close(off_deg, state):
+    tracker = Tracker(ARM, CONTROL)
+    q = SHORT.q[0]
+    tracker.follow(plan_move(ARM, q, q, CONTROL))
+    stuck = q + np.radians([off_deg] + [0.0] * 7)
+    inputs = replace(Plant(tuple(stuck)).inputs(), controller_enabled=True)
+    for _ in range(300):
+        out = tracker.update(inputs)
+    assert out.state == state and ("slew" in out.reason) == (state == "failed")
+
+
+def test_point_missed_beyond_safe_fails_the_run():
+    def stick(_k, plant, _tracker):
+        plant.q[4] = SHORT.q[0, 4] + 0.02
+
+    slack = msgspec.structs.replace(CONTROL.tracker, stall_s=60.0, slow_to=50.0, slow_from=40.0)
+    tracker = Tracker(ARM, msgspec.structs.replace(CONTROL, tracker=slack))
+    plant = Plant(tuple(SHORT.q[0]))
+    tracker.follow(SHORT)
+    for k in range(3000):
+        stick(k, plant, tracker)
+        out = tracker.update(plant.inputs())
+        if out.state != "follow":
+            break
+        plant.step(out.command)
+    assert out.state == "failed" and "planned point" in out.reason
