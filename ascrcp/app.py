@@ -192,7 +192,9 @@ def _open_rig(
     arm: Arm, can: CanConfig, codec: Codec, config: RigConfig, options: Options
 ) -> tuple[MachineLink, Rig, Callable[[], None]]:
     if can.bus.interface != "virtual":
-        raise ConfigError("config/devices/can.yaml: the simulated rig needs bus interface virtual (fault F44)")
+        raise ConfigError(
+            "config/devices/can.yaml: the simulated rig needs bus interface virtual (fault F44)"
+        )
     channel = f"{can.bus.channel}-{os.getpid()}-{id(options)}"
     ours, theirs = Bus(can.bus, channel), Bus(can.bus, channel)
     rig = Rig(config, arm, theirs, seed=options.seed, load_kg=options.load_kg, codec=codec)
@@ -228,4 +230,3 @@ class _NoLidar:
 
     def close(self) -> None:
         """Nothing is open."""
-

@@ -66,10 +66,7 @@ def inverse(options: Options, output: Output) -> int:
         for q, valid, inside in zip(found.q[0], found.valid[0], found.within_limits[0], strict=True)
         if valid
     ]
-    rows = [
-        [*(f"{x:.5f}" for x in s["q"]), "yes" if s["within_limits"] else "no"]  # type: ignore[union-attr]
-        for s in solutions
-    ]
+    rows = [[*(f"{x:.5f}" for x in s["q"]), "yes" if s["within_limits"] else "no"] for s in solutions]
     header = [f"q{i}" for i in range(1, arm.n + 1)] + ["within limits"]
     output.result(
         {"ok": True, "machine": arm.name, "solutions": solutions},

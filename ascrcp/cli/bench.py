@@ -22,7 +22,13 @@ def bench(options: Options, output: Output) -> int:
     if options.which in ("all", "kinematics"):
         figures += _kinematics(load_arm("kc"), options.seed)
     rows = [
-        [f["what"], f"{f['value']:.3g} {f['unit']}", f"{f['peer_value']:.3g} {f['unit']}", f["peer"], f"{f['ratio']:.0f} x"]
+        [
+            f["what"],
+            f"{f['value']:.3g} {f['unit']}",
+            f"{f['peer_value']:.3g} {f['unit']}",
+            f["peer"],
+            f"{f['ratio']:.0f} x",
+        ]
         for f in figures
     ]
     text = table(["what", "here", "peer", "peer is", "faster"], rows)

@@ -112,8 +112,8 @@ def recognise(options: Options, output: Output) -> int:
     lines = [f"axis sigma {surface.axis.direction_sigma_deg:.3f} deg from {', '.join(surface.axis.evidence)}"]
     lines += [f"arch at {a.station:.3f} m, lean {a.lean_deg:+.2f} deg" for a in surface.arches]
     lines += [
-        f"overbreak {o.station[0]:.2f}..{o.station[1]:.2f} m, {o.angle_deg[0]:.0f}..{o.angle_deg[1]:.0f} deg: "
-        f"{o.volume_m3:.3f} m3, {o.max_depth_m:.2f} m deep"
+        f"overbreak {o.station[0]:.2f}..{o.station[1]:.2f} m, {o.angle_deg[0]:.0f}..{o.angle_deg[1]:.0f} deg:"
+        f" {o.volume_m3:.3f} m3, {o.max_depth_m:.2f} m deep"
         for o in surface.overbreak
     ]
     output.result({"ok": True, "out": str(target), **features}, "\n".join([*lines, f"-> {round_.features}"]))
@@ -124,9 +124,7 @@ def plan(options: Options, output: Output) -> int:
     """Recognised round -> path.csv."""
     path = stages.plan(options.round, load_planning(), progress=output.bar("plan"))
     place = Round(options.round).path
-    output.result(
-        {"ok": True, "path": str(place), "points": len(path)}, f"{len(path)} points -> {place}"
-    )
+    output.result({"ok": True, "path": str(place), "points": len(path)}, f"{len(path)} points -> {place}")
     return OK
 
 
@@ -147,7 +145,9 @@ def solve(options: Options, output: Output) -> int:
         "duration_s": found.duration_s,
     }
     lines = [f"point {row['point']}: {row['reason']}" for row in unsolved]
-    lines.append(f"{tree['solved']} of {len(found.solved)} points solved, {found.duration_s:.0f} s -> {place}")
+    lines.append(
+        f"{tree['solved']} of {len(found.solved)} points solved, {found.duration_s:.0f} s -> {place}"
+    )
     output.result(tree, "\n".join(lines))
     return OK
 

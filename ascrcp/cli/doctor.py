@@ -30,7 +30,9 @@ def doctor(options: Options, output: Output) -> int:
     """Check the computer; exit 1 if something the job needs is missing."""
     checks = [*_system(), *_packages(), *_libraries(), *_extras()]
     ok = all(good for _, good, needed, _ in checks if needed)
-    tree = [{"what": what, "ok": good, "needed": needed, "detail": text} for what, good, needed, text in checks]
+    tree = [
+        {"what": what, "ok": good, "needed": needed, "detail": text} for what, good, needed, text in checks
+    ]
     lines = [
         f"{'ok  ' if good else ('MISSING' if needed else 'without')}  {what}: {text}"
         for what, good, needed, text in checks
@@ -87,7 +89,8 @@ def _chinese_font() -> tuple[bool, bool, str]:
     tool = shutil.which("fc-list")
     if tool is None:
         return False, False, "unknown (fc-list is not installed)"
-    fonts = subprocess.run([tool, ":lang=zh", "family"], capture_output=True, text=True, check=False)
+    command = [tool, ":lang=zh", "family"]
+    fonts = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - fixed words
     first = fonts.stdout.strip().splitlines()
     return bool(first), False, first[0] if first else "none: install fonts-wqy-microhei"
 

@@ -57,7 +57,11 @@ class Output:
                         self.say(("! " if line.failure else "✓ ") + line.text[0])
                 if snapshot.stage[0]:
                     left = snapshot.remaining_s
-                    rest = f", {left:.0f} s of machine time left" if left == left and session.setup.lockstep else ""
+                    rest = (
+                        f", {left:.0f} s of machine time left"
+                        if left == left and session.setup.lockstep
+                        else ""
+                    )
                     now = f"  {snapshot.stage[0]} {10 * int(10 * snapshot.progress)} %"
                     if now != last:
                         last = now

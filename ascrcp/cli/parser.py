@@ -13,11 +13,26 @@ def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
     if not defaults:
         parser.argument_default = argparse.SUPPRESS
     group = parser.add_argument_group("common options")
-    group.add_argument("--json", action="store_true", default=_default(defaults, False), help="one JSON object on stdout, progress on stderr")
-    group.add_argument("--machine", default=_default(defaults, "kc"), metavar="NAME", help="kc, or a machine YAML")
+    group.add_argument(
+        "--json",
+        action="store_true",
+        default=_default(defaults, False),
+        help="one JSON object on stdout, progress on stderr",
+    )
+    group.add_argument(
+        "--machine", default=_default(defaults, "kc"), metavar="NAME", help="kc, or a machine YAML"
+    )
     group.add_argument("--rig", type=Path, metavar="FILE", help="overlay any parameter of the simulated rig")
-    group.add_argument("--seed", type=_natural, default=_default(defaults, 1), metavar="N", help="seed of everything random (1)")
-    group.add_argument("--load-kg", type=_payload, default=_default(defaults, 0.0), metavar="X", help="concrete in the hose")
+    group.add_argument(
+        "--seed",
+        type=_natural,
+        default=_default(defaults, 1),
+        metavar="N",
+        help="seed of everything random (1)",
+    )
+    group.add_argument(
+        "--load-kg", type=_payload, default=_default(defaults, 0.0), metavar="X", help="concrete in the hose"
+    )
     group.add_argument("--cloud", type=Path, metavar="FILE", help="this cloud, in the base frame, not a scan")
     group.add_argument("--profile", type=Path, metavar="FILE", help="design profile of the tunnel")
 
@@ -47,24 +62,36 @@ def build_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"ascrcp {__version__}")
     parser.add_argument("--offscreen", action="store_true", help="the whole automatic job without a display")
-    parser.add_argument("--round", type=Path, metavar="DIR", help="round folder; a new one below rounds/ if left out")
+    parser.add_argument(
+        "--round", type=Path, metavar="DIR", help="round folder; a new one below rounds/ if left out"
+    )
     parser.add_argument("--pictures", type=Path, metavar="DIR", help="where screen pictures go")
-    parser.add_argument("--realtime", action="store_true", help="real time instead of lockstep with --offscreen")
+    parser.add_argument(
+        "--realtime", action="store_true", help="real time instead of lockstep with --offscreen"
+    )
     _common(parser, defaults=True)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="stages and tools")
     for name, text, needs_round in _STAGES:
         stage = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
         _common(stage)
         if name == "recognise":
-            stage.add_argument("input", nargs="?", type=Path, default=None, metavar="CLOUD", help="ply pcd las laz xyz csv")
-            stage.add_argument("--out", type=Path, default=None, metavar="DIR", help="where features.json and the cloud go")
+            stage.add_argument(
+                "input", nargs="?", type=Path, default=None, metavar="CLOUD", help="ply pcd las laz xyz csv"
+            )
+            stage.add_argument(
+                "--out", type=Path, default=None, metavar="DIR", help="where features.json and the cloud go"
+            )
             stage.add_argument("--round", type=Path, metavar="DIR", help="round folder with a scan")
         elif needs_round is not None:
             stage.add_argument("--round", type=Path, metavar="DIR", required=needs_round, help="round folder")
         if name in ("scan", "run"):
-            stage.add_argument("--realtime", action="store_true", default=argparse.SUPPRESS, help="not in lockstep")
+            stage.add_argument(
+                "--realtime", action="store_true", default=argparse.SUPPRESS, help="not in lockstep"
+            )
         if name in ("fk", "ik"):
-            stage.add_argument("input", nargs="?", default=None, metavar="JSON", help="JSON text; standard input if left out")
+            stage.add_argument(
+                "input", nargs="?", default=None, metavar="JSON", help="JSON text; standard input if left out"
+            )
         if name == "bench":
             stage.add_argument("which", nargs="?", default="all", choices=("all", "kinematics"))
     return parser

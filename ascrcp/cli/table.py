@@ -42,8 +42,11 @@ def result_table(result: dict[str, Any]) -> str:
     ]
     if late["max"] > 0.0:
         lines.append(
-            f"control cycle late: p50 {late['p50']:.2f}, p99.9 {late['p99_9']:.2f}, max {late['max']:.2f} ms, "
-            f"{late['missed']} missed"
+            f"control cycle late: p50 {late['p50']:.2f}, p99.9 {late['p99_9']:.2f}, max {late['max']:.2f} ms,"
+            f" {late['missed']} missed"
         )
-    lines += [f"pictures: {len(result['pictures'])} in {result['round']}/pictures", f"report: {result['report']}"]
+    lines += [
+        f"pictures: {len(result['pictures'])} in {result['round']}/pictures",
+        f"report: {result['report']}",
+    ]
     return "\n".join(lines)

@@ -5,7 +5,7 @@ own timestamp (it follows the wall clock). A failure of the adapter becomes a fl
 the bus stays failed until it is opened anew, so that no stale command leaves after a recovery.
 """
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Protocol
 
 import can
 import msgspec
@@ -31,6 +31,20 @@ class ChannelConfig(Struct):
     interface: Literal["virtual", "socketcan"]
     channel: Annotated[str, msgspec.Meta(min_length=1, max_length=64)]
     drain_cap: Annotated[int, msgspec.Meta(ge=50, le=5000)] = 500
+
+
+class FrameBus(Protocol):
+    """Where frames come from and go to: an open bus, or a recorded one."""
+
+    ok: bool
+
+    def drain(self) -> list[tuple[int, bytes]]:
+        """Take every waiting frame: (identifier, data), oldest first."""
+        ...
+
+    def send(self, can_id: int, data: bytes | bytearray) -> bool:
+        """Send one frame without waiting; return whether it was taken."""
+        ...
 
 
 class Bus:

@@ -11,7 +11,7 @@ from ascrcp.core.config import Struct, load
 from ascrcp.core.errors import ConfigError
 from ascrcp.core.machine_io import NEVER_NS, Command, MachineInputs, neutral
 from ascrcp.core.paths import CONFIG, RESOURCES
-from ascrcp.devices.bus import Bus, ChannelConfig
+from ascrcp.devices.bus import ChannelConfig, FrameBus
 from ascrcp.devices.codec import Codec, Layout
 from ascrcp.devices.e2e import COUNTERS, Check, Receiver, protect
 from ascrcp.devices.sensor import SensorArray, SensorConfig
@@ -67,7 +67,7 @@ class MachineLink:
             that were not fit to be sent.
     """
 
-    def __init__(self, bus: Bus, codec: Codec, config: CanConfig, joints: int = 8) -> None:
+    def __init__(self, bus: FrameBus, codec: Codec, config: CanConfig, joints: int = 8) -> None:
         """Bind the link to an open bus.
 
         Raises:

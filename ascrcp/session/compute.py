@@ -5,6 +5,7 @@ they made the control loop miss its deadlines (faults, trap 1). A spawned proces
 work, arrays travel through shared memory, and only the small rest is pickled.
 """
 
+import itertools
 import multiprocessing as mp
 import pickle
 import threading
@@ -81,8 +82,9 @@ class Compute:
                 return self._wait(progress, is_cancelled)
             except (EOFError, BrokenPipeError, ConnectionResetError):
                 self._kill()
+                name = function.__name__
                 raise DeviceError(
-                    f"the compute process died while running {function.__name__}; it is started again on the next use"
+                    f"the compute process died while running {name}; the next use starts it again"
                 ) from None
 
     def _wait(self, progress: Progress | None, is_cancelled: Callable[[], bool]) -> Any:
@@ -129,7 +131,7 @@ def _send(pipe: Connection, message: Any) -> None:
     total = sum(sizes)
     block = SharedMemory(create=True, size=total) if total else None
     if block is not None:
-        place = np.frombuffer(block.buf, np.uint8, total)
+        place = np.frombuffer(_memory(block), np.uint8, total)
         at = 0
         for raw, size in zip(raws, sizes, strict=True):
             place[at : at + size] = np.frombuffer(raw, np.uint8)  # numpy frees the lock while it copies
@@ -140,17 +142,23 @@ def _send(pipe: Connection, message: Any) -> None:
         block.close()
 
 
+def _memory(block: SharedMemory) -> memoryview:
+    assert block.buf is not None
+    return block.buf
+
+
 def _receive(pipe: Connection) -> Any:
     head, sizes, name = pipe.recv()
     if name is None:
         return pickle.loads(head)  # noqa: S301 - our own child process
     block = SharedMemory(name=name)
     data = np.empty(sum(sizes), np.uint8)
-    data[:] = np.frombuffer(block.buf, np.uint8, len(data))
+    data[:] = np.frombuffer(_memory(block), np.uint8, len(data))
     block.close()
     block.unlink()
-    edges = np.concatenate([[0], np.cumsum(sizes)])
-    views = [memoryview(data[a:b]).toreadonly() for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    edges = [0, *itertools.accumulate(sizes)]
+    whole = memoryview(data).toreadonly()  # type: ignore[arg-type]
+    views = [whole[a:b] for a, b in itertools.pairwise(edges)]
     return pickle.loads(head, buffers=views)  # noqa: S301 - our own child process
 
 

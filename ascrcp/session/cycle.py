@@ -33,8 +33,8 @@ class Link(Protocol):
         """Drain the bus and return the newest view."""
         ...
 
-    def send(self, command: Command) -> None:
-        """Put one command on the wire."""
+    def send(self, command: Command) -> bool:
+        """Put one command on the wire; return whether it went out."""
         ...
 
 

@@ -167,5 +167,7 @@ class LockstepDriver:
 
 
 def _raise_priority() -> None:
-    with contextlib.suppress(PermissionError, AttributeError):  # ordinary users run without real-time priority
+    with contextlib.suppress(
+        PermissionError, AttributeError
+    ):  # ordinary users run without real-time priority
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ascrcp.control.move import plan_move
-from ascrcp.core.errors import AscrcpError, InputError
+from ascrcp.core.errors import InputError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
@@ -23,10 +23,6 @@ from ascrcp.session.trace import TraceCollector
 
 if TYPE_CHECKING:
     from ascrcp.session.session import Session
-
-
-class StoppedError(AscrcpError):
-    """The safety gate stopped the motion; the message is the first cause."""
 
 
 class Desk:
@@ -107,7 +103,11 @@ class Desk:
         trace = self.collector.trace()
         session.round.write_trace(trace)
         self.result = {
-            "points": {"planned": self.points + self.unsolved, "reached": self.reached, "skipped": self.skipped},
+            "points": {
+                "planned": self.points + self.unsolved,
+                "reached": self.reached,
+                "skipped": self.skipped,
+            },
             "ok": self.is_finished and self.unsolved == 0 and self.skipped == 0,
             **evaluate(trace),
             "timing_s": {name: self.timing_s(name) for name in ("scan", "recognise", "plan", "solve", "run")},

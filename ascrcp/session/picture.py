@@ -2,13 +2,13 @@
 
 import io
 from collections.abc import Callable
+from typing import Any
 
 import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.axes import Axes
 
 from ascrcp.core.flow import Label, SprayPath, Surface
 from ascrcp.core.geometry import apply_transform, inverse_transform
@@ -30,12 +30,11 @@ LABEL_COLOURS = {
     Label.GROUND: "#6b5d52",
     Label.FACE: "#7d7d9c",
 }
-_CENTRED = {"ha": "center", "va": "center"}
 _REFERENCE = "#2e7d32"
 _ACTUAL = "#c62828"
 
 
-def draw(size: tuple[float, float], fill: Callable[[Axes], None], **axes: object) -> bytes:
+def draw(size: tuple[float, float], fill: Callable[[Any], None], **axes: object) -> bytes:
     """Draw one figure and return it as PNG bytes."""
     figure, ax = plt.subplots(figsize=size, layout="constrained", subplot_kw=axes or None)
     fill(ax)
@@ -48,10 +47,16 @@ def draw(size: tuple[float, float], fill: Callable[[Axes], None], **axes: object
 def unrolled_wall(surface: Surface, path: SprayPath | None) -> bytes:
     """Draw the wall rolled flat: offset from the design line, arches, overbreak, planned path."""
 
-    def fill(ax: Axes) -> None:
+    def fill(ax: Any) -> None:
         angle = np.degrees(surface.profile.angle(surface.along))
         mesh = ax.pcolormesh(
-            surface.station, angle, 1e3 * surface.offset.T, cmap="RdYlBu_r", vmin=-400, vmax=600, shading="nearest"
+            surface.station,
+            angle,
+            1e3 * surface.offset.T,
+            cmap="RdYlBu_r",
+            vmin=-400,
+            vmax=600,
+            shading="nearest",
         )
         ax.figure.colorbar(mesh, ax=ax, label="offset from design line [mm], outward positive")
         for arch in surface.arches:
@@ -66,7 +71,9 @@ def unrolled_wall(surface: Surface, path: SprayPath | None) -> bytes:
         for i, region in enumerate(surface.overbreak):
             (s0, s1), (a0, a1) = region.station, region.angle_deg
             ax.plot([s0, s1, s1, s0, s0], [a0, a0, a1, a1, a0], color="#6a1b9a", lw=2)
-            ax.annotate(str(i + 1), ((s0 + s1) / 2, (a0 + a1) / 2), color="w", weight="bold", **_CENTRED)
+            ax.annotate(
+                str(i + 1), ((s0 + s1) / 2, (a0 + a1) / 2), color="w", weight="bold", ha="center", va="center"
+            )
         if path is not None:
             for number in np.unique(path.pass_index):
                 rows = path.pass_index == number
@@ -109,7 +116,7 @@ def sections(surface: Surface, count: int = 3) -> bytes:
 def cloud_and_path(surface: Surface, path: SprayPath | None, trace: RunTrace | None) -> bytes:
     """Draw the labelled cloud with the planned path and the way the nozzle really went (fig. 6-10)."""
 
-    def fill(ax: Axes) -> None:
+    def fill(ax: Any) -> None:
         s = apply_transform(inverse_transform(surface.axis.T_base_tunnel), surface.points.astype(float))[:, 0]
         inside = np.flatnonzero((s > surface.unsprayed[0] - 2.0) & (s < surface.unsprayed[1] + 0.5))
         keep = np.random.default_rng(0).permutation(inside)[:12_000]

@@ -12,12 +12,15 @@ from typing import Any, NamedTuple
 
 from mcap.writer import CompressionType, Writer
 
+from ascrcp.session.cycle import CycleOutput
 from ascrcp.session.journal import Entry, Journal
 from ascrcp.session.order import encode_order
 from ascrcp.session.store import encode_json
 
 CHUNK_BYTES = 16 * 1024  # faults, trap 8
 FLUSH_NS = 200_000_000  # at most this much of the run is lost to a killed process (faults G9: 0.5 s)
+
+Frames = list[tuple[int, bytes]]
 
 _log = logging.getLogger(__name__)
 
@@ -38,6 +41,7 @@ CAN_TOPIC = "/can"
 ORDER_TOPIC = "/order"
 """Orders taken in the cycle whose frames follow: see order.py."""
 
+
 class Message(NamedTuple):
     """One record on its way to the file: topic, instant [ns], content."""
 
@@ -46,7 +50,7 @@ class Message(NamedTuple):
     content: Any
 
 
-def encode_frames(received: list[tuple[int, bytes]], sent: list[tuple[int, bytes]]) -> bytes:
+def encode_frames(received: Frames, sent: Frames) -> bytes:
     """Pack one cycle's CAN frames: count received, then per frame id (2), length (1), data; then sent."""
     parts = [len(received).to_bytes(2, "little")]
     for number, data in (*received, *sent):
@@ -54,7 +58,7 @@ def encode_frames(received: list[tuple[int, bytes]], sent: list[tuple[int, bytes
     return b"".join(parts)
 
 
-def decode_frames(blob: bytes) -> tuple[list[tuple[int, bytes]], list[tuple[int, bytes]]]:
+def decode_frames(blob: bytes) -> tuple[Frames, Frames]:
     """Unpack what `encode_frames` packed: (received, sent)."""
     count = int.from_bytes(blob[:2], "little")
     frames, at = [], 2
@@ -91,6 +95,29 @@ class Recorder:
         """Queue one record; returns at once."""
         self._queue.put(Message(topic, t_ns, content))
 
+    def put_cycle(self, output: CycleOutput, received: Frames, sent: Frames) -> None:
+        """Queue everything one control cycle saw and did."""
+        track, t = output.track, output.t_ns
+        for order in output.orders:
+            self.put(ORDER_TOPIC, t, order)
+        self.put(CAN_TOPIC, t, encode_frames(received, sent))
+        joints = {
+            "q": output.inputs.q,
+            "q_ref": track.q_ref,
+            "drive": output.verdict.command.drive,
+            "reaction": int(output.verdict.reaction),
+        }
+        self.put("/joints", t, joints)
+        if output.tip is not None and track.state == "follow":
+            nozzle = {
+                "measured": output.tip[:3, 3],
+                "reference": track.position,
+                "truth": output.truth[:3, 3] if output.truth is not None else (),
+                "point": track.point,
+                "spraying": track.spraying,
+            }
+            self.put("/nozzle", t, nozzle)
+
     def put_event(self, t_ns: int, kind: str, code: str, detail: str = "") -> None:
         """Queue one event for the journal and the log."""
         self._queue.put(Message("/event", t_ns, {"kind": kind, "code": code, "detail": detail}))
@@ -98,7 +125,7 @@ class Recorder:
     def _work(self) -> None:
         while (message := self._queue.get()) is not None:
             if self.failed is not None:
-                continue  # keep draining: a full disk must not fill the memory nor stop the motion (fault F38)
+                continue  # keep draining: a full disk may neither fill the memory nor stop the motion (F38)
             try:
                 self._write(message)
             except Exception as error:  # noqa: BLE001 - shown to the operator by the session

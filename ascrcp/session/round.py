@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-
 from ascrcp.core.errors import InputError
 from ascrcp.session.evaluation import RunTrace
-from ascrcp.session.store import read_archive, write_archive, read_json, write_json
+from ascrcp.session.store import read_archive, read_json, write_archive, write_json
 
 
 class Round:
@@ -109,7 +108,7 @@ def open_round(folder: Path | None, base: Path) -> Round:
             folder = base / f"round-{max(taken, default=0) + 1:04d}"
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"{folder or base}: cannot make the round folder: {error.strerror or error}") from None
+        raise InputError(
+            f"{folder or base}: cannot make the round folder: {error.strerror or error}"
+        ) from None
     return Round(folder)
-
-

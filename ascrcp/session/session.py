@@ -16,19 +16,18 @@ from ascrcp.control.tracker import TrackerOutput
 from ascrcp.core.errors import AscrcpError, CancelledError, DeviceError, RefusedError
 from ascrcp.core.event import EVENTS, Reaction
 from ascrcp.core.flow import SprayPath, Surface
-from ascrcp.core.geometry import angle_between
 from ascrcp.session import state
 from ascrcp.session.compute import Compute
 from ascrcp.session.cycle import Cycle, CycleOutput
 from ascrcp.session.driver import LockstepDriver, RealTimeDriver
-from ascrcp.session.job import JOBS, Desk, StoppedError
-from ascrcp.session.recorder import CAN_TOPIC, ORDER_TOPIC, Recorder, encode_frames
+from ascrcp.session.job import JOBS, Desk
+from ascrcp.session.operation import Operation, StoppedError
+from ascrcp.session.recorder import Recorder
 from ascrcp.session.round import Round
-from ascrcp.session.scanner import Scanner
 from ascrcp.session.setup import Setup
 from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot
 from ascrcp.session.state import JobState, Mode, Refusal, Step
-from ascrcp.session.trace import TraceCollector
+from ascrcp.session.view import add_machine
 
 KEPT_ANNOUNCEMENTS = 50
 SCENE_POINTS = 100_000  # software OpenGL draws 29 frames/s at this many points
@@ -49,16 +48,8 @@ class Session:
         self._announcements: tuple[Announcement, ...] = ()
         self._scene = Scene()
         self._stage = ("", "")
-        self._progress = 0.0
         self._stage_began = time.monotonic()
         self._stage_began_ns = 0
-        self._cancelled = threading.Event()
-        self._motion: tuple[int, threading.Event] | None = None
-        self._motion_result = ""
-        self._scanner: Scanner | None = None
-        self._scan_over = threading.Event()
-        self._scan_error: AscrcpError | None = None
-        self._collector: TraceCollector | None = None
         self._causes: tuple[str, ...] = ()
         self._digest = hashlib.sha256()
         self._worker: threading.Thread | None = None
@@ -73,6 +64,8 @@ class Session:
             )
         else:
             self._driver = RealTimeDriver(self.cycle, self._on_cycle, setup.plant)
+        self._operation = Operation(self.cycle, setup.lockstep, self._driver.wake)
+        self.run_motion, self.run_scan = self._operation.run_motion, self._operation.run_scan
         round_.note(**setup.manifest)
         self.desk = Desk(self)
         self._driver.start()
@@ -98,7 +91,7 @@ class Session:
             if reason is not None:
                 raise RefusedError(reason.value[0])
             self._job = state.start(self._job, step)
-            self._cancelled.clear()
+            self._operation.cancelled.clear()
         self._recorder.put_event(self.t_ns, "step", step.value, "started")
         self._worker = threading.Thread(target=self._work, args=(step,), name="ascrcp-worker", daemon=True)
         self._worker.start()
@@ -106,7 +99,7 @@ class Session:
     def stop(self) -> None:
         """Stop everything from any state; latched until reset."""
         self.cycle.press_stop()
-        self._cancelled.set()
+        self._operation.cancelled.set()
         self._driver.wake()
 
     def reset(self) -> None:
@@ -130,7 +123,7 @@ class Session:
 
     def cancel(self) -> None:
         """Give up the step under way; the arm stops where it is."""
-        self._cancelled.set()
+        self._operation.cancelled.set()
         self.cycle.hold()
         self._driver.wake()
 
@@ -167,12 +160,12 @@ class Session:
 
     def snapshot(self) -> Snapshot:
         """Return the newest picture of the job."""
-        job, output = self._job, self._latest
+        output = self._latest
         general = Snapshot(
             t_s=self.t_ns * 1e-9,
-            job=job,
+            job=self._job,
             stage=self._stage,
-            progress=self._progress,
+            progress=self._operation.progress,
             remaining_s=self._remaining_s(),
             announcements=self._announcements,
             lateness=self.lateness,
@@ -180,42 +173,10 @@ class Session:
             simulated=self.setup.plant is not None,
             round_dir=str(self.round.folder),
             points=self.desk.points,
+            reached=self.desk.reached,
+            skipped=self.desk.skipped,
         )
-        if output is None:
-            return general
-        track, inputs, verdict = output.track, output.inputs, output.verdict
-        following = track.state == "follow"
-        running = following and job.active is Step.RUN
-        shown = replace(
-            general,
-            reaction=verdict.reaction,
-            causes=verdict.causes,
-            estop=inputs.estop,
-            q=inputs.q,
-            q_target=track.q_ref if following else (math.nan,) * len(inputs.q),
-            drive=verdict.command.drive,
-            age_ms=tuple(age * 1e-6 for age in inputs.age_ns),
-            point=track.point if running else -1,
-            reached=self.desk.reached + (track.reached if running else 0),
-            skipped=self.desk.skipped + (track.skipped if running else 0),
-            spraying=verdict.command.pump > 0.0,
-            oil_temp_c=inputs.oil_temp_c,
-        )
-        if output.tip is None:
-            return shown
-        tip, direction = output.tip[:3, 3], output.tip[:3, 0]
-        shown = replace(
-            shown, tip=tuple(map(float, tip)), tip_direction=tuple(map(float, direction))
-        )
-        if not following:
-            return shown
-        target = np.array(track.position)
-        return replace(
-            shown,
-            tip_target=tuple(map(float, target)),
-            tip_error_mm=1e3 * float(np.linalg.norm(tip - target)),
-            tip_error_deg=math.degrees(float(angle_between(direction, np.array(track.direction)))),
-        )
+        return general if output is None else add_machine(general, output)
 
     def _realtime_factor(self) -> float:
         """Machine time per wall time since the active step's work began."""
@@ -228,56 +189,25 @@ class Session:
         output = self._latest
         if output is not None and output.track.state == "follow":
             return output.track.remaining_s
-        if self._job.active is None or self._progress < 0.05:
+        done = self._operation.progress
+        if self._job.active is None or done < 0.05:
             return math.nan
-        return (time.monotonic() - self._stage_began) * (1.0 / self._progress - 1.0)
+        return (time.monotonic() - self._stage_began) * (1.0 / done - 1.0)
 
     # control thread ----------------------------------------------------------------------------
 
     def _on_cycle(self, output: CycleOutput) -> bool:
         """Take in one cycle; return whether something still goes on."""
         self._latest = output
-        self._record(output)
-        self._watch_gate(output)
-        self._watch_motion(output)
-        if self._collector is not None and output.track.state == "follow":
-            self._collector.add(output)
-        if self._scanner is not None and self.setup.lockstep:
-            self._advance_scan(output)
-        return self._motion is not None or self._scanner is not None
-
-    def _record(self, output: CycleOutput) -> None:
-        track, command = output.track, output.verdict.command
-        put, t = self._recorder.put, output.t_ns
         link = self.setup.link
         for _, data in link.sent:
             self._digest.update(data)
-        for order in output.orders:
-            put(ORDER_TOPIC, t, order)
-        put(CAN_TOPIC, t, encode_frames(link.received, link.sent))
-        put(
-            "/joints",
-            t,
-            {
-                "q": output.inputs.q,
-                "q_ref": track.q_ref,
-                "drive": command.drive,
-                "reaction": int(output.verdict.reaction),
-            },
-        )
-        if output.tip is not None and track.state == "follow":
-            truth = output.truth
-            put(
-                "/nozzle",
-                t,
-                {
-                    "measured": output.tip[:3, 3].tolist(),
-                    "reference": track.position.tolist(),
-                    "truth": truth[:3, 3].tolist() if truth is not None else (),
-                    "point": track.point,
-                    "spraying": track.spraying,
-                },
-            )
+        self._recorder.put_cycle(output, link.received, link.sent)
+        self._watch_gate(output)
+        if self._recorder.failed and not self._record_failed:
+            self._record_failed = True
+            self.announce(self._recorder.failed, f"运行记录失败：{self._recorder.failed}", failure=True)
+        return self._operation.on_cycle(output)
 
     def _watch_gate(self, output: CycleOutput) -> None:
         verdict = output.verdict
@@ -289,7 +219,7 @@ class Session:
                         self.announce(*EVENTS[code].cause, failure=True)
             self._causes = verdict.causes
         if verdict.latched and not self._job.stopped:
-            self._cancelled.set()
+            self._operation.cancelled.set()
             with self._lock:
                 self._job = state.stop(self._job)
         elif not verdict.latched and self._job.stopped:
@@ -297,46 +227,12 @@ class Session:
                 self._job = state.reset(self._job)
             self._recorder.put_event(output.t_ns, "request", "reset", "gate left the stopped state")
 
-    def _watch_motion(self, output: CycleOutput) -> None:
-        motion = self._motion
-        if motion is None or output.motion < motion[0]:
-            return
-        state_ = output.track.state
-        if output.verdict.reaction >= Reaction.STOP:
-            result = "stopped: " + EVENTS[output.verdict.causes[0]].cause[0]
-        elif state_ == "finished":
-            result = "finished"
-        elif state_ == "failed":
-            result = output.track.reason or "the tracker failed"
-        elif state_ == "hold":
-            result = "cancelled"
-        else:
-            self._progress = output.track.progress
-            return
-        self._motion_result = result
-        self._motion = None
-        motion[1].set()
-
-    def _advance_scan(self, output: CycleOutput) -> None:
-        scanner = self._scanner
-        if scanner is None:
-            return
-        try:
-            if self._cancelled.is_set():
-                raise CancelledError("cancelled")
-            scanner.on_cycle(output.inputs)
-        except AscrcpError as error:
-            self._scan_error = error
-        self._progress = 0.25 * scanner.progress
-        if scanner.done or self._scan_error is not None:
-            self._scanner = None
-            self._scan_over.set()
-
     # worker thread, used by the jobs --------------------------------------------------------------
 
     def _work(self, step: Step) -> None:
         failed = True
-        self._progress, self._stage_began, self._stage_began_ns = 0.0, time.monotonic(), self.t_ns
+        self._stage_began, self._stage_began_ns = time.monotonic(), self.t_ns
+        self._operation.progress = 0.0
         try:
             JOBS[step](self.desk)
             failed = False
@@ -352,11 +248,10 @@ class Session:
             self.announce(f"Internal error in {step.value}: {error!r}", f"内部错误：{error!r}", failure=True)
             self._recorder.put_event(self.t_ns, "defect", step.value, traceback.format_exc())
         finally:
-            self._collector = None
             with self._lock:
                 if self._job.active is step:
                     self._job = state.abandon(self._job) if failed else state.finish(self._job)
-            self._stage, self._progress = ("", ""), 0.0
+            self.stage("", "")
             self._recorder.put_event(self.t_ns, "step", step.value, "failed" if failed else "done")
 
     def announce(self, english: str, chinese: str, failure: bool = False) -> None:
@@ -369,34 +264,7 @@ class Session:
     def stage(self, english: str, chinese: str, progress: float = 0.0) -> None:
         """Say what the active step is doing now."""
         self._stage = (english, chinese)
-        self._progress = progress
-
-    def run_motion(self, begin: Callable[[], object], collector: TraceCollector | None = None) -> None:
-        """Begin a motion and wait for its end.
-
-        Args:
-            begin: Gives the follow order.
-            collector: Takes in every cycle of the motion, None for nobody.
-
-        Raises:
-            StoppedError: The gate stopped it.
-            CancelledError: The operator cancelled it.
-            AscrcpError: The tracker gave up.
-        """
-        over = threading.Event()
-        self._collector = collector
-        self._motion = (self.cycle.motions + 1, over)
-        begin()
-        self._driver.wake()
-        over.wait()
-        result = self._motion_result
-        if result == "finished":
-            return
-        if result.startswith("stopped: "):
-            raise StoppedError(result.removeprefix("stopped: "))
-        if result == "cancelled":
-            raise CancelledError("cancelled")
-        raise AscrcpError(result)
+        self._operation.progress = progress
 
     def track(self) -> TrackerOutput:
         """Return what the tracker said last."""
@@ -428,49 +296,21 @@ class Session:
         """SHA-256 over every command frame sent so far: equal runs have equal digests."""
         return self._digest.copy().hexdigest()
 
-    def run_scan(self, scanner: Scanner) -> None:
-        """Drive a sweep to its end: in lockstep by the control thread, else by this worker.
-
-        Raises:
-            DeviceError: Pan head or lidar failed.
-            CancelledError: The operator cancelled it.
-        """
-        self._scan_error = None
-        self._scan_over.clear()
-
-        def admit() -> None:
-            self._scanner = scanner
-
-        self.cycle.begin(admit)
-        self._driver.wake()
-        if self.setup.lockstep:
-            self._scan_over.wait()
-        else:
-            seen = -1
-            while not self._scan_over.is_set():
-                output = self._latest
-                if output is None or output.t_ns == seen:
-                    time.sleep(0.002)
-                    continue
-                seen = output.t_ns
-                self._advance_scan(output)
-        self.cycle.point_pan(None)
-        if self._scan_error is not None:
-            raise self._scan_error
-
     def run_compute(self, function: Callable[..., T], *args: object, share: tuple[float, float]) -> T:
         """Run a stage in the compute process; its progress fills a share of the step's bar."""
         low, high = share
 
         def progress(fraction: float) -> None:
-            self._progress = low + (high - low) * fraction
+            self._operation.progress = low + (high - low) * fraction
 
         result: T = self.compute.run(
-            function, *args, progress=progress, is_cancelled=self._cancelled.is_set
+            function, *args, progress=progress, is_cancelled=self._operation.cancelled.is_set
         )
         return result
 
-    def show(self, surface: Surface | None = None, path: SprayPath | None = None, solved: object = None) -> None:
+    def show(
+        self, surface: Surface | None = None, path: SprayPath | None = None, solved: object = None
+    ) -> None:
         """Replace parts of the 3-D scene."""
         scene = replace(self._scene, version=self._scene.version + 1)
         if surface is not None:
@@ -483,11 +323,6 @@ class Session:
         if solved is not None:
             scene = replace(scene, solved=np.asarray(solved))
         self._scene = scene
-
-    @property
-    def is_realtime(self) -> bool:
-        """Whether the processor's clock drives the cycles."""
-        return not self.setup.lockstep
 
     @contextlib.contextmanager
     def stopwatch(self, name: str):  # type: ignore[no-untyped-def]

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.flow import Cloud, JointSequence, SprayPath, Surface
-from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.kinematics.arm import load_arm
 from ascrcp.kinematics.path import solve_path
@@ -101,14 +100,11 @@ def solve(
     round_ = Round(folder)
     arm = load_arm(machine)
     path = read_path(round_.need("path", "plan"))
-    found = solve_path(
-        arm, path, arm.zero_pose, payload_kg=payload_kg, progress=lambda f: progress(0.85 * f)
-    )
+    found = solve_path(arm, path, arm.zero_pose, payload_kg=payload_kg, progress=lambda f: progress(0.85 * f))
     sequence = time_sequence(arm, path, found.q, found.break_before, config.timing)
     check_sequence(arm, sequence, config.check).require()
     write_joints(round_.joints, sequence, arm.prismatic)
-    solved: Array = np.isfinite(found.q).all(axis=1)
-    return Solution(solved, found.reasons, sequence.duration)
+    return Solution(found.solved, found.reasons, sequence.duration)
 
 
 def load(place: Path, machine: str, config: PlanningParameters, progress: Progress = _quiet) -> JointSequence:

@@ -91,8 +91,9 @@ def read_json(path: Path) -> Any:
 def write_archive(path: Path, kind: str, meta: Any, arrays: dict[str, Any]) -> None:
     """Write arrays with a small JSON head as a NumPy archive, whole or not at all."""
     head = encode_json({"format": f"ascrcp-{kind}", "version": VERSION, "meta": meta})
-    columns = {name: np.asarray(array) for name, array in arrays.items()}
-    write_atomic(path, lambda file: np.savez(file, head=np.frombuffer(head, np.uint8), **columns))
+    columns: dict[str, Any] = {name: np.asarray(array) for name, array in arrays.items()}
+    columns["head"] = np.frombuffer(head, np.uint8)
+    write_atomic(path, lambda file: np.savez(file, **columns))
 
 
 def read_archive(path: Path, kind: str, names: tuple[str, ...]) -> tuple[Any, dict[str, Any]]:

@@ -54,4 +54,3 @@ class TraceCollector:
             q_error=table[:, 21:],
             from_truth=self._from_truth,
         )
-

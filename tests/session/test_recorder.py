@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 
 from ascrcp.core.flow import JointSequence
@@ -47,7 +48,9 @@ def test_log_and_journal_hold_what_was_put(tmp_path: Path) -> None:
     recorder = Recorder(tmp_path)
     for i in range(500):
         recorder.put(CAN_TOPIC, i, encode_frames([(0x181, bytes(8))], []))
-        recorder.put("/joints", i, {"q": (0.0,) * 8, "q_ref": (float("nan"),) * 8, "drive": (), "reaction": 0})
+        recorder.put(
+            "/joints", i, {"q": (0.0,) * 8, "q_ref": (float("nan"),) * 8, "drive": (), "reaction": 0}
+        )
     recorder.put_event(7, "step", "zero", "started")
     recorder.close()
     with (tmp_path / "run.mcap").open("rb") as file:
@@ -90,7 +93,7 @@ def test_killed_writer_loses_less_than_half_a_second_of_cycles_and_no_event(tmp_
         try:
             for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
                 count += 1
-        except Exception as error:  # the cut end of the file
+        except (McapError, ValueError) as error:  # the cut end of the file
             assert count > 0, error
     journal = Journal(tmp_path / "events.sqlite")
     assert [e.code for e in journal.entries()] == ["begin"]

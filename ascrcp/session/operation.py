@@ -1,0 +1,133 @@
+"""What goes on in the control thread for a worker: one motion or one scan at a time, waited for."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from ascrcp.core.errors import AscrcpError, CancelledError
+from ascrcp.core.event import EVENTS, Reaction
+from ascrcp.session.cycle import Cycle, CycleOutput
+from ascrcp.session.scanner import Scanner
+from ascrcp.session.trace import TraceCollector
+
+SCAN_SHARE = 0.25  # of the recognise step's progress bar
+POLL_S = 0.002
+
+
+class StoppedError(AscrcpError):
+    """The safety gate stopped the motion; the message is the first cause."""
+
+
+class Operation:
+    """Motions and scans: begun by the worker thread, watched cycle by cycle, ended exactly once."""
+
+    def __init__(self, cycle: Cycle, lockstep: bool, wake: Callable[[], None]) -> None:
+        self._cycle = cycle
+        self._lockstep = lockstep
+        self._wake = wake
+        self._motion: tuple[int, threading.Event] | None = None
+        self._motion_error: AscrcpError | None = None
+        self._collector: TraceCollector | None = None
+        self._scanner: Scanner | None = None
+        self._scan_over = threading.Event()
+        self._scan_error: AscrcpError | None = None
+        self._latest: CycleOutput | None = None
+        self.cancelled = threading.Event()
+        self.progress = 0.0
+
+    def run_motion(self, begin: Callable[[], object], collector: TraceCollector | None = None) -> None:
+        """Begin a motion and wait for its end.
+
+        Args:
+            begin: Gives the follow order.
+            collector: Takes in every cycle of the motion, None for nobody.
+
+        Raises:
+            StoppedError: The gate stopped it.
+            CancelledError: The operator cancelled it.
+            AscrcpError: The tracker gave up.
+        """
+        over = threading.Event()
+        self._motion_error = None
+        self._collector = collector
+        self._motion = (self._cycle.motions + 1, over)
+        begin()
+        self._wake()
+        over.wait()
+        if self._motion_error is not None:
+            raise self._motion_error
+
+    def run_scan(self, scanner: Scanner) -> None:
+        """Drive a sweep to its end: in lockstep by the control thread, else by this worker.
+
+        Raises:
+            DeviceError: Pan head or lidar failed.
+            CancelledError: The operator cancelled it.
+        """
+        self._scan_error = None
+        self._scan_over.clear()
+
+        def admit() -> None:
+            self._scanner = scanner
+
+        self._cycle.begin(admit)
+        self._wake()
+        if self._lockstep:
+            self._scan_over.wait()
+        else:
+            self._scan_beside()
+        self._cycle.point_pan(None)
+        if self._scan_error is not None:
+            raise self._scan_error
+
+    def _scan_beside(self) -> None:
+        seen = -1
+        while not self._scan_over.is_set():
+            output = self._latest
+            if output is None or output.t_ns == seen:
+                time.sleep(POLL_S)
+                continue
+            seen = output.t_ns
+            self._advance_scan(output)
+
+    def on_cycle(self, output: CycleOutput) -> bool:
+        """Take in one cycle (control thread); return whether something still goes on."""
+        self._latest = output
+        self._watch_motion(output)
+        if self._lockstep:
+            self._advance_scan(output)
+        return self._motion is not None or self._scanner is not None
+
+    def _watch_motion(self, output: CycleOutput) -> None:
+        motion = self._motion
+        if motion is None or output.motion < motion[0]:
+            return
+        if self._collector is not None:
+            self._collector.add(output)
+        state = output.track.state
+        if output.verdict.reaction >= Reaction.STOP:
+            self._motion_error = StoppedError(EVENTS[output.verdict.causes[0]].cause[0])
+        elif state == "failed":
+            self._motion_error = AscrcpError(output.track.reason)
+        elif state == "hold":
+            self._motion_error = CancelledError("cancelled")
+        elif state != "finished":
+            self.progress = output.track.progress
+            return
+        self._motion = self._collector = None
+        motion[1].set()
+
+    def _advance_scan(self, output: CycleOutput) -> None:
+        scanner = self._scanner
+        if scanner is None:
+            return
+        try:
+            if self.cancelled.is_set():
+                raise CancelledError("cancelled")
+            scanner.on_cycle(output.inputs)
+        except AscrcpError as error:
+            self._scan_error = error
+        self.progress = SCAN_SHARE * scanner.progress
+        if scanner.done or self._scan_error is not None:
+            self._scanner = None
+            self._scan_over.set()
