@@ -29,6 +29,9 @@ _CONVERGED = 2e-5  # a smaller move ends the iteration [m, rad]
 _MIN_CELLS = 8  # a ring with fewer cells says nothing about its centre
 _SPRAYED_LENGTH = 1.5  # more of the arch line than this seen is the sprayed part, not arches [m]
 _ONE_SURFACE = 0.10  # points spread over all of the band would have 0.19 m, rock in a cell has 0.03 m
+_MAX_BEYOND = (
+    0.3  # deep overbreak is a few per cent; the corners of a square room are half of it; placeholder
+)
 _MIN_COMPACT = 0.6  # placeholder
 _BARE_ROCK_DEG = 0.15  # far off only the bumps of bare rock are seen, which tilts the fit: synthetic headings
 _BLOCK = 1.5  # roughness is taken as independent beyond this [m], for the uncertainty
@@ -44,6 +47,7 @@ class Fit:
         ring_offset: Its offset from the design line [m], shape (k,).
         ring_outer: Whether it is an outer ring (rock) rather than one at the arch line, shape (k,).
         share: Share of the points that lie between the two lines (0.15 m more either side).
+        beyond: Share of the points outside the arch line that lie farther out than that.
         compact: Share of the cells there whose points lie on one surface, not scattered in depth.
         cover: Metres of station whose wall was seen over at least a third of the arc.
     """
@@ -53,6 +57,7 @@ class Fit:
     ring_offset: Array
     ring_outer: NDArray[np.bool_]
     share: float
+    beyond: float
     compact: float
     cover: float
 
@@ -133,6 +138,11 @@ def check_fit(fit: Fit, profile: Profile, parameters: AxisParameters) -> None:
         raise RecognitionError(
             f"no tunnel found: only {100 * fit.share:.0f} % of the points lie on profile {name}, "
             f"at least {100 * parameters.min_share:.0f} % are needed; is it another tunnel's profile?"
+        )
+    if not fit.beyond <= _MAX_BEYOND:
+        raise RecognitionError(
+            f"no tunnel found: {100 * fit.beyond:.0f} % of the points about profile {name} lie far outside "
+            f"it, at most {100 * _MAX_BEYOND:.0f} % are believed; is it another tunnel's profile?"
         )
     if not fit.compact >= _MIN_COMPACT:
         raise RecognitionError(
@@ -294,6 +304,7 @@ def _describe(axis: Axis, flat: Unrolled, cells: _Cells, profile: Profile, param
         _medians(cells.offset, cells.ring),
         np.bincount(cells.ring, cells.outer) / size > 0.5,
         float(wall.mean()),
+        float(np.mean(flat.offset[flat.beside & (flat.offset > low)] > high)),
         _compactness(flat.pick(wall), profile, parameters),
         cover,
     )

@@ -177,16 +177,17 @@ def _ground(points: NDArray[np.float32], parameters: PerceptionParameters) -> ND
 
 
 def _check_heading(slices: _Slices, profile: Profile) -> None:
-    """Refuse a wall that lies beyond the overbreak line nearly everywhere: another tunnel's profile."""
+    """Refuse a heading that lies beyond the overbreak line nearly everywhere: another tunnel's profile."""
     wall, extent = slices.wall, slices.extent
-    mine = (wall.station > extent.sprayed_end) & (wall.station < extent.end)
+    start = max(extent.sprayed_end, extent.end - profile.spray_depth)
+    mine = (wall.station > start) & (wall.station < extent.end)
     if not mine.any():
         return
     share = float(np.mean(wall.offset[mine] > profile.overbreak_line))
     if not share <= 0.6:
         raise RecognitionError(
-            f"profile {profile.name} does not fit: {100 * share:.0f} % of the unsprayed wall lies beyond its "
-            f"overbreak line, at most 60 % is believed; is it another tunnel's profile?"
+            f"profile {profile.name} does not fit: {100 * share:.0f} % of the heading's wall lies beyond "
+            "its overbreak line, at most 60 % is believed; is it another tunnel's profile?"
         )
 
 

@@ -71,7 +71,9 @@ def find_extent(flat: Unrolled, profile: Profile, parameters: SectionParameters)
     sprayed = valid & (inner >= parameters.sprayed_share) & (raster.station < end)
     edge = _last_run(sprayed, valid, parameters, raster.row)
     start = first if edge is None else _refine_edge(wall, low + edge * raster.row, profile, parameters)
-    return Extent(min(start, end), end, face, first)
+    if not end - start >= parameters.slice:
+        start = end  # sprayed up to the last wall seen
+    return Extent(float(start), float(end), face, float(first))
 
 
 def _last_run(

@@ -14,6 +14,8 @@ from ascrcp.perception.raster import Raster, Unrolled, raster_over
 from ascrcp.perception.section import Extent
 
 _SIDE = 0.03  # the arch's own side is seen this far beyond its flange [m]
+_CORNER = 0.06  # the corner between wall and face is left out by this much [m]; placeholder
+_PROUD = 0.25  # what stands farther inside the arch line than this is not wall [m]; placeholder
 _EDGE = 3  # cells at an open end (face, edge of the sprayed part) that take their neighbour's value
 
 
@@ -64,8 +66,13 @@ def build_wall(
     before = max(0, int(np.floor(behind / cell)))
     start = extent.sprayed_end - before * cell
     raster = raster_over(start, max(extent.end, start + 2 * cell), cell, cell, profile)
+    # the face closes the tunnel: its points just inside the line are not wall
+    last = extent.end if extent.face is None else extent.end - _CORNER
     rock = wall.pick(
-        ~is_arch(wall, rings, profile, _SIDE) & (wall.station >= start) & (wall.station < extent.end)
+        ~is_arch(wall, rings, profile, _SIDE)
+        & (wall.station >= start)
+        & (wall.station < last)
+        & (wall.offset > profile.arch_line - _PROUD)
     )
     index = raster.index(rock.station, rock.along)
     mean, count = raster.mean(index, rock.offset)

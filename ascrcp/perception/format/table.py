@@ -1,6 +1,7 @@
 """Read tables of numbers: xyz, csv, txt; also the ASCII bodies of other formats."""
 
 import csv
+import warnings
 from pathlib import Path
 from typing import BinaryIO
 
@@ -48,17 +49,19 @@ def parse_rows(
         InputError: A row that is not numbers, or too few rows.
     """
     try:
-        rows = np.loadtxt(
-            file,
-            dtype=np.float32,
-            comments=list(_COMMENTS),
-            delimiter=delimiter,
-            skiprows=skip,
-            usecols=columns,
-            max_rows=count,
-            ndmin=2,
-            encoding="latin-1",
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # no rows at all: the caller says so
+            rows = np.loadtxt(
+                file,
+                dtype=np.float32,
+                comments=list(_COMMENTS),
+                delimiter=delimiter,
+                skiprows=skip,
+                usecols=columns,
+                max_rows=count,
+                ndmin=2,
+                encoding="latin-1",
+            )
     except (ValueError, IndexError) as error:
         raise InputError(f"{path}: {' '.join(str(error).split('.')[0].split())[:150]}") from None
     if count is not None and len(rows) < count:

@@ -45,7 +45,8 @@ class Truth:
     unsprayed: tuple[float, float]
     arches: list[tuple[float, float]] = field(default_factory=list)  # station on the axis, lean [deg]
     pockets: list[tuple[float, float, float, float, float]] = field(default_factory=list)
-    volume_seen: float = 0.0  # beyond the overbreak line, in 10 cm cells that a point fell on
+    pocket_seen: list[float] = field(default_factory=list)  # area of each pocket that points fell on [m2]
+    volume_seen: float = 0.0  # beyond the overbreak line, in 5 cm cells that a point fell on
 
 
 @dataclass
@@ -63,7 +64,7 @@ class Recipe:
     floor: float = -2.0  # section height of the floor
     lean_deg: float = 0.0  # largest lean of an arch
     rough: float = 0.05
-    sprayed: float = 14.0  # length of the sprayed part behind the heading
+    sprayed: float = 14.0  # length of the sprayed part behind the heading; nothing is seen behind it
     face: bool = True
     boxes: bool = True
     rays: int = 350_000
@@ -85,6 +86,7 @@ class Heading:
         self.arches = self._arches()
         self.pockets = self._pockets()
         size = (int(26 / 0.1), int(self.profile.length / 0.1) + 2)
+        self.volume_seen, self.pocket_seen = 0.0, [0.0] * len(self.pockets)
         self._rock = recipe.rough * self._field(size, 3.5) + 0.3 * recipe.rough * self._field(size, 1.0)
         self._sprayed = 0.01 * self._field(size, 5.0)
         bump_s, bump_a = (
@@ -141,7 +143,7 @@ class Heading:
         line = self.profile.arch_line
         rock += (line - 0.01 - rock) * np.exp(-((((s - bs) / 0.15) ** 2 + ((along - ba) / 0.45) ** 2) ** 2))
         skin = line - 0.01 + map_coordinates(self._sprayed, at, order=1, mode="nearest")
-        return np.where((s < self.s0) & (s > self.s0 - self.recipe.sprayed), skin, rock)
+        return np.where(s < self.s0, skin, rock)
 
     def _hits(self, s: Array, yz: Array) -> Array:
         along, offset = self.profile.locate(yz)
@@ -175,6 +177,7 @@ class Heading:
         t = np.where(dusty, t * self.rng.uniform(0.1, 1.15, len(t)), t)
         keep = (t > 0.3) & (t < 24.0) & (self.rng.random(len(t)) > 0.02)
         points = eye + d[keep] * t[keep, None]
+        points = points[points[:, 0] > self.s0 - r.sprayed]
         self._seen(points)
         return (points @ self.R.T + self.point).astype(np.float32)
 
@@ -216,16 +219,20 @@ class Heading:
         along, offset = self.profile.locate(points[:, 1:])
         wall = self.wall(points[:, 0], along)
         on = (np.abs(offset - wall) < 0.06) & (points[:, 0] > self.s0) & (points[:, 0] < self.s1)
-        coarse, fine = 0.1, 0.02
+        coarse, fine = 0.05, 0.025
         cells = np.unique(
             np.floor(points[on, 0] / coarse).astype(int) * 10_000 + np.floor(along[on] / coarse).astype(int)
         )
-        inner = (np.arange(5) + 0.5) * fine
+        inner = (np.arange(2) + 0.5) * fine
         ds, da = (g.ravel() for g in np.meshgrid(inner, inner))
         s = ((cells // 10_000 * coarse)[:, None] + ds).ravel()
         a = ((cells % 10_000 * coarse)[:, None] + da).ravel()
         line, radius = self.profile.overbreak_line, self.profile.arcs[0].radius
         depth = np.maximum(self.wall(s, a) - line, 0.0)
+        self.pocket_seen = [
+            float(np.sum(((s - p[0]) / p[2]) ** 2 + ((a - p[1]) / p[3]) ** 2 < 1.0)) * fine * fine
+            for p in self.pockets
+        ]
         self.volume_seen = float(np.sum(depth * (1.0 + (line + depth / 2) / radius)) * fine * fine)
 
     def truth(self) -> Truth:
@@ -236,7 +243,8 @@ class Heading:
             (self.s0, self.s1),
             [(a[0], a[1]) for a in self.arches],
             self.pockets,
-            getattr(self, "volume_seen", 0.0),
+            self.pocket_seen,
+            self.volume_seen,
         )
 
 
