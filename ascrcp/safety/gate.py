@@ -6,7 +6,7 @@ platform is untrusted here.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import Enum
 
 from ascrcp.core.errors import ConfigError
@@ -159,11 +159,9 @@ class Gate:
         self._recovering = frozenset()
 
     def _shape(self, inputs: MachineInputs, request: Command) -> tuple[Command, bool]:
-        """Bound the request; no drive and no spray unless ARMED or STOPPING."""
+        """Bound the request; neutral while STOPPED; only the pan head, which scans at rest, in READY."""
         if self._state is GateState.STOPPED:
             return self._neutral, False
-        if self._state is GateState.READY:  # the pan head scans while the arm is at rest
-            return replace(self._neutral, pan_target=request.pan_target), False
         wants = self._state is GateState.ARMED and request.enable
         target, held_back = self._neutral.drive, False
         if wants:

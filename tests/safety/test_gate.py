@@ -273,6 +273,75 @@ def test_pan_head_scans_in_ready_and_not_while_stopped():
     assert bench.cycle(request, reset=True).command.pan_target == 0.3
 
 
+def test_values_as_old_as_allowed_are_fresh():
+    bench = Bench().arm()
+    old = {"age_ns": (60_000_000,) * JOINTS, "estop_age_ns": 60_000_000, "controller_age_ns": 60_000_000}
+    for _ in range(5):
+        assert bench.cycle(moving(0.2), **old, bad_frames=4).active == ()
+
+
+def test_f28_gaps_up_to_the_limits_are_in_time():
+    for gap_ms, causes in (
+        (30, ()), (31, ("cycle_slow",)), (60, ("cycle_slow",)), (61, ("cycle_late",)), (0, ("cycle_late",)),
+        (1000, ("cycle_late",)), (1001, ("suspended", "cycle_late")),
+    ):  # fmt: skip
+        bench = Bench().arm()
+        bench.t_ns += (gap_ms - 20) * 1_000_000
+        assert bench.cycle(moving(0.2)).active == causes
+
+
+def test_f7_limit_is_twice_the_largest_speed_and_noise_per_new_value():
+    room = 2.0 * LIMITS.max_speed[2] * 0.02 + CONFIG_SAFETY.jump_noise_mm * 1e-3
+    for share, jumps in ((0.99, False), (1.01, True)):
+        bench = Bench().arm()
+        bench.cycle(moving(0.0))
+        bench.q = changed(2, 1.0 + share * room)
+        first = bench.cycle(moving(0.0))
+        bench.q = changed(2, 1.0 + 2.5 * share * room)
+        second = bench.cycle(moving(0.0))
+        assert not first.active and ("joint_jump" in second.active) == jumps
+
+
+def test_f7_one_jumped_frame_shown_again_is_still_one():
+    bench = Bench().arm()
+    for cycle in range(3):
+        age = (0, 0, CYCLE_NS * cycle, 0, 0, 0, 0, 0)
+        assert bench.cycle(moving(0.0), q=changed(2, 1.5), age_ns=age).active == ()
+
+
+def test_f7_value_after_a_gap_may_have_moved_as_far_as_the_gap_allows():
+    bench = Bench().arm()
+    for cycle in range(1, 4):
+        bench.cycle(moving(0.0), age_ns=(0, 0, CYCLE_NS * cycle, 0, 0, 0, 0, 0))
+    bench.q = changed(2, 1.0 + 2.0 * LIMITS.max_speed[2] * 0.06)
+    for _ in range(3):
+        assert bench.cycle(moving(0.0)).active == ()
+
+
+def test_f7_new_steady_value_counts_exactly_after_it_has_settled():
+    bench = Bench().arm()
+    bench.q = changed(2, 1.5)
+    active = [bool(bench.cycle(moving(0.0)).active) for _ in range(40)]
+    first = CONFIG_SAFETY.jump_count - 1
+    assert active == [False] * first + [True] * CONFIG_SAFETY.jump_settle + [False] * (39 - 25 - first + 1)
+
+
+def test_f13_one_jumped_value_is_not_believed():
+    bench = Bench().arm()
+    assert bench.cycle(moving(0.0), q=changed(2, 2.5)).active == ()
+
+
+def test_sprayed_things_flow_only_while_armed():
+    bench = Bench().arm()
+    request = moving(0.2, pump=0.5, accelerator=1.5, air=True)
+    command = bench.cycle(request).command
+    assert (command.pump, command.accelerator, command.air) == (0.5, 1.0, True)
+    assert not bench.cycle(moving(0.2)).command.air
+    bench.t_ns += 50_000_000
+    command = bench.cycle(request).command
+    assert any(command.drive) and (command.pump, command.accelerator, command.air) == (0.0, 0.0, False)
+
+
 values = st.one_of(
     st.floats(-1.5, 1.5), st.sampled_from([0.0, 1.0, -1.0, NAN, math.inf]), st.floats(allow_nan=True)
 )
