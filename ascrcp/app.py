@@ -27,7 +27,7 @@ from ascrcp.safety.gate import Gate
 from ascrcp.safety.limit import Limits
 from ascrcp.session.cycle import Cycle
 from ascrcp.session.replay import ReplayBus
-from ascrcp.session.round import Round
+from ascrcp.session.round import Round, open_round
 from ascrcp.session.session import Session
 from ascrcp.session.setup import Setup
 from ascrcp.session.store import write_json
@@ -83,8 +83,11 @@ def load_simulation(overlay: Path | None) -> Simulation:
     if overlay is not None:
         laid = read_yaml(overlay)
         where = str(overlay)
-        if not isinstance(laid, dict) or not set(laid) <= set(RIG_KEYS):
-            raise ConfigError(f"{overlay}: top-level keys allowed are {', '.join(RIG_KEYS)}")
+        if not isinstance(laid, dict):
+            raise ConfigError(f"{overlay}: must map {', '.join(RIG_KEYS)} to what is laid over them")
+        unknown = sorted(str(key) for key in set(laid) - set(RIG_KEYS))
+        if unknown:
+            raise ConfigError(f"{overlay}: unknown key {unknown[0]}, allowed {', '.join(RIG_KEYS)}")
         tree = merge(tree, laid)
     return Simulation(
         rig=convert({"arm": tree["arm"], "bus": tree["bus"]}, RigConfig, where),
@@ -97,14 +100,14 @@ class Site:
     """The simulated machine in its heading: what the session calls the plant."""
 
     def __init__(self, rig: Rig, lidar: LidarServer | None) -> None:
-        self._rig = rig
+        self.rig = rig
         self._lidar = lidar
 
     def step(self, now_ns: int) -> None:
         """Advance the rig by one cycle and carry the lidar along."""
-        self._rig.step(now_ns)
+        self.rig.step(now_ns)
         if self._lidar is not None:
-            self._lidar.set_pose(self._rig.T_base_mount(), self._rig.pan)
+            self._lidar.set_pose(self.rig.T_base_mount(), self.rig.pan)
 
 
 def find_profile(options: Options, tunnel: TunnelConfig) -> Profile:
@@ -115,11 +118,16 @@ def find_profile(options: Options, tunnel: TunnelConfig) -> Profile:
     return load_profile(named if named.exists() else Path(tunnel.profile))
 
 
-def open_session(options: Options, round_: Round) -> Session:
+def open_session(options: Options, folder: Path | None, rounds: Path) -> Session:
     """Put a session together on the simulated rig.
 
+    Args:
+        options: What the front door chose.
+        folder: Round folder, None for the next numbered one.
+        rounds: Where numbered round folders are.
+
     Raises:
-        InputError: Bad configuration or options; nothing has been started then.
+        InputError: Bad configuration or options; nothing has been started or written then.
     """
     if options.cloud is not None and not options.cloud.is_file():
         raise InputError(f"{options.cloud}: no such file")
@@ -132,6 +140,8 @@ def open_session(options: Options, round_: Round) -> Session:
     perception, planning = load_perception(), load_planning()
     gate, tracker = _gate(arm), Tracker(arm, control)
     codec = Codec(DBC)
+    _check_bus(can)
+    round_ = open_round(folder, rounds)
     server = None
     if options.cloud is None:
         heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
@@ -186,6 +196,13 @@ def _control(arm: Arm) -> ControlConfig:
 def _gate(arm: Arm) -> Gate:
     limits = Limits.of_arm(arm.joints, arm.max_speed.tolist())
     return Gate(limits, load(CONFIG / "safety.yaml", SafetyConfig))
+
+
+def _check_bus(can: CanConfig) -> None:
+    if can.bus.interface != "virtual":
+        raise ConfigError(
+            "config/devices/can.yaml: the simulated rig needs bus interface virtual (fault F44)"
+        )
 
 
 def _open_rig(

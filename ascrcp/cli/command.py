@@ -23,7 +23,7 @@ from ascrcp.session import stages
 from ascrcp.session.job import scan_heading
 from ascrcp.session.replay import replay as replay_round
 from ascrcp.session.report import build_report
-from ascrcp.session.round import Round, open_round
+from ascrcp.session.round import Round
 from ascrcp.session.session import Session
 from ascrcp.session.state import Step
 from ascrcp.session.store import read_json
@@ -48,11 +48,7 @@ def app_options(options: Options, lockstep: bool) -> AppOptions:
 def open_session(options: Options, lockstep: bool) -> Session:
     """Open a session on the rig with its round folder."""
     lockstep = lockstep and not getattr(options, "realtime", False)
-    chosen = app_options(options, lockstep)
-    load_simulation(chosen.rig)  # refuse bad options before a folder is made
-    if chosen.cloud is not None and not chosen.cloud.is_file():
-        raise InputError(f"{chosen.cloud}: no such file")
-    return open_app_session(chosen, open_round(options.round, ROUNDS))
+    return open_app_session(app_options(options, lockstep), options.round, ROUNDS)
 
 
 @contextlib.contextmanager

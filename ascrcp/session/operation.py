@@ -50,6 +50,8 @@ class Operation:
         over = threading.Event()
         self._motion_error = None
         self._collector = collector
+        if collector is not None:
+            collector.begin()
         self._motion = (self._cycle.motions + 1, over)
         begin()
         self._wake()

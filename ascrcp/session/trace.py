@@ -13,7 +13,8 @@ class TraceCollector:
         self._joints = joints
         self._rows: list[tuple[float, ...]] = []
         self._from_truth = True
-        self._last_point = -1
+        self._judged = 0
+        self._approached = 0
 
     def add(self, output: CycleOutput) -> None:
         """Add one cycle of a run."""
@@ -23,8 +24,7 @@ class TraceCollector:
         if truth is None:
             self._from_truth = False
             truth = tip
-        passed = self._last_point if track.point != self._last_point else -1
-        self._last_point = track.point
+        passed = self._passed(track.reached + track.skipped, track.point)
         self._rows.append(
             (
                 output.t_ns * 1e-9,
@@ -39,6 +39,18 @@ class TraceCollector:
                 *track.error_q,
             )
         )
+
+    def begin(self) -> None:
+        """A motion begins: the tracker counts its points from zero."""
+        self._judged = 0
+
+    def _passed(self, judged: int, approached: int) -> int:
+        """Return the planned point that was judged in this cycle, -1 if none."""
+        passed = self._approached if judged > self._judged else -1
+        self._judged = judged
+        if approached >= 0:
+            self._approached = approached
+        return passed
 
     def trace(self) -> RunTrace:
         """Return what was collected."""
