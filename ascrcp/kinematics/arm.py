@@ -1,7 +1,7 @@
 """The arm: joints -> poses, poses -> joints, from a machine file (design.md sections 3 and 9)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,18 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ascrcp.core.errors import ConfigError, InputError
-from ascrcp.core.geometry import Array, check_transform, rotation, transform
+from ascrcp.core.geometry import Array, rotation, transform
 from ascrcp.kinematics.bucket import BucketInverse
 from ascrcp.kinematics.chain import Walk, compile_chain, pack_transform, walk_chain
 from ascrcp.kinematics.description import ArmDescription, Mount, Prismatic, Revolute, load_description
 from ascrcp.kinematics.inverse import SprayInverse
-from ascrcp.kinematics.solution import ClosedForm, Solutions, confirm
+from ascrcp.kinematics.pose import split_poses
+from ascrcp.kinematics.solution import BRANCHES, ClosedForm, Confirmation, Solutions
 
 LIMIT_TOLERANCE = 1e-7
 """How far outside a range a joint that stands on its limit may come out [rad, m]: where two solutions
 meet, rounding of the pose is felt by its square root."""
 
-BLOCK = 1024
+BLOCK = 2048
 """Poses inverted at once: small enough for the cache."""
 
 
@@ -87,6 +88,9 @@ class Arm:
             raise ConfigError(f"machine {self.name}: zero_pose lies outside the joints' ranges")
         self._T_mount = _mount(description.lidar)
         self._closed_form: ClosedForm | None = SprayInverse.fit(description) or BucketInverse.fit(description)
+        if self._closed_form is not None:
+            ranges = [(joint.lower, joint.upper) for joint in self.joints]
+            self._confirmation = Confirmation(self._chain, ranges, self._closed_form.middle)
         for array in (self.lower, self.upper, self.limit_lower, self.limit_upper, self.zero_pose):
             array.flags.writeable = False
 
@@ -168,20 +172,29 @@ class Arm:
             InputError: A bad pose, wrong held joints, or an arm without a closed form.
         """
         form = self._form()
-        T = check_transform(np.asarray(T, dtype=float))
-        if T.ndim not in (2, 3):
+        T = np.asarray(T, dtype=float)
+        if T.ndim not in (2, 3) or T.shape[-2:] != (4, 4):
             raise InputError(f"poses must have shape (4, 4) or (N, 4, 4), not {T.shape}")
         T = T.reshape(-1, 4, 4)
         values = self._held(held or {}, form.held, len(T))
-        reference = None if near is None else np.broadcast_to(self._check(near), (len(T), self.n))
-        blocks = []
-        for start in range(0, max(len(T), 1), BLOCK):
+        reference = None if near is None else self._near(near, len(T))
+        joints = np.empty((self.n, *BRANCHES, len(T)))
+        valid, inside = np.empty((2, *BRANCHES, len(T)), dtype=bool)
+        for start in range(0, len(T), BLOCK):
             cut = slice(start, start + BLOCK)
-            q = form.solve(T[cut], [v[cut] for v in values], None if reference is None else reference[cut])
-            valid = confirm(self._chain, q, T[cut])
-            q[:, ~valid] = np.nan
-            blocks.append((q.transpose(2, 1, 0), valid.T, (valid & self._inside(q)).T))
-        return Solutions(*(np.concatenate(part) for part in zip(*blocks, strict=True)))
+            P = split_poses(T[cut])
+            q = form.solve(P, [v[cut] for v in values], None if reference is None else reference[cut])
+            good = valid[..., cut] = self._confirmation.check(q, P)
+            inside[..., cut] = good & self._inside(q)
+            spoil = np.where(good, 0.0, np.nan)
+            for i in range(self.n):
+                np.add(q[i], spoil, out=joints[i][..., cut])
+        count = math.prod(BRANCHES)
+        return Solutions(
+            joints.reshape(self.n, count, -1).transpose(2, 1, 0),
+            valid.reshape(count, -1).T,
+            inside.reshape(count, -1).T,
+        )
 
     @property
     def held(self) -> tuple[int, ...]:
@@ -199,7 +212,11 @@ class Arm:
             Joint vectors [rad, m], NaN where not real, shape (N, k, n).
         """
         form = self._form()
-        return form.solve(T, self._held(held, form.held, len(T)), None).transpose(2, 1, 0)
+        P = np.ascontiguousarray(np.moveaxis(T[:, :3], 0, -1))
+        q = np.empty((self.n, *BRANCHES, len(T)))
+        for i, value in enumerate(form.solve(P, self._held(held, form.held, len(T)), None)):
+            q[i] = value
+        return q.reshape(self.n, -1, len(T)).transpose(2, 1, 0)
 
     def within_limits(self, q: ArrayLike, tolerance: float = LIMIT_TOLERANCE) -> NDArray[np.bool_]:
         """Tell whether joint vectors (..., n) keep every range; NaN never does. Shape (...)."""
@@ -207,13 +224,19 @@ class Arm:
         inside = (g >= self.limit_lower - tolerance) & (g <= self.limit_upper + tolerance)
         return np.asarray(inside.all(axis=-1))
 
-    def _inside(self, q: Array) -> NDArray[np.bool_]:
-        """Tell which candidates keep every range: joint first (n, k, N) -> (k, N)."""
-        inside = np.ones(q.shape[1:], dtype=bool)
+    def _inside(self, q: Sequence[Array]) -> NDArray[np.bool_]:
+        """Tell which candidates keep every range; arrays of joints that broadcast together."""
+        inside: Any = True
         for i, joint in enumerate(self.joints):
             g = q[i] if len(joint.limit_sum) == 1 else sum(q[k - 1] for k in joint.limit_sum)
-            inside &= (g >= joint.lower - LIMIT_TOLERANCE) & (g <= joint.upper + LIMIT_TOLERANCE)
-        return inside
+            inside = inside & ((g >= joint.lower - LIMIT_TOLERANCE) & (g <= joint.upper + LIMIT_TOLERANCE))
+        return np.asarray(inside)
+
+    def _near(self, near: ArrayLike, n: int) -> Array:
+        q = self._check(near)
+        if q.shape not in ((self.n,), (n, self.n)):
+            raise InputError(f"near must have shape ({self.n},) or ({n}, {self.n}), not {q.shape}")
+        return np.broadcast_to(q, (n, self.n))
 
     def _form(self) -> ClosedForm:
         if self._closed_form is None:

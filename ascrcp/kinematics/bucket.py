@@ -12,7 +12,7 @@ import numpy as np
 
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.description import ArmDescription, DhRow, Prismatic
-from ascrcp.kinematics.solution import root, wrap_into
+from ascrcp.kinematics.solution import MEETING, leg, settle, wrap_into
 
 SINGULAR = 1e-10
 """|sin(theta5)| below which only theta2 + theta3 -+ theta6 is fixed."""
@@ -34,6 +34,7 @@ class BucketInverse:
     upper: Array
 
     held: ClassVar[tuple[int, ...]] = ()
+    middle: ClassVar[int] = 3
 
     @classmethod
     def fit(cls, description: ArmDescription) -> "BucketInverse | None":
@@ -61,32 +62,61 @@ class BucketInverse:
         lower, upper = np.array(ranges, dtype=float).T
         return cls(k1, k2, k3, k4, k5, lower, upper)
 
-    def solve(self, T: Array, held: Sequence[Array], near: Array | None) -> Array:
-        """Compute the eight candidates of each pose, joint first: (6, 8, N), NaN where not real."""
-        n, o, a, p = (T[:, :3, j].T for j in range(4))
-        w = p - self.k5 * n
-        q = np.empty((6, 2, 2, 2, len(T)))  # joint, telescope, wrist, slew, pose
-        half_turn = np.array([[0.0], [np.pi]])
-        th1 = np.arctan2(w[1], w[0]) + half_turn
-        c1, s1 = np.cos(th1), np.sin(th1)
-        nt, ot, at = (s1 * v[0] - c1 * v[1] for v in (n, o, a))  # z1 = (s1, -c1, 0)
-        sine = np.hypot(nt, ot)
-        sign = np.array([[[1.0]], [[-1.0]]])
-        th5 = np.arctan2(sign * sine, -at)
-        free = near[:, 5] if near is not None else np.full(len(T), (self.lower[5] + self.upper[5]) / 2)
-        th6 = np.where(sine < SINGULAR, free, np.arctan2(-sign * ot, sign * nt))
-        s6, c6 = np.sin(th6), np.cos(th6)
-        z3 = [s6 * n[i] + c6 * o[i] for i in range(3)]
-        ur, uz = z3[0] * c1 + z3[1] * s1, z3[2]
-        ar, az = w[0] * c1 + w[1] * s1 - self.k2, w[2] - self.k1
-        dot = ar * ur + az * uz
-        square = ar * ar + az * az
-        radicand = self.k3**2 - square + dot * dot
+    def solve(self, P: Array, held: Sequence[Array], near: Array | None) -> list[Array]:
+        """Compute the eight candidates of each pose: telescope 2 x wrist 2 x slew 2.
+
+        Args:
+            P: Components of the poses, shape (3, 4, N).
+            held: None.
+            near: Joint vectors whose slew and bucket settle a pose that leaves them free, (N, 6).
+
+        Returns:
+            One array per joint [rad, m], NaN where not real, each broadcasting to (2, 2, 2, N).
+        """
+        n, o, a, p = (P[:, j] for j in range(4))
+        w = [p[i] - self.k5 * n[i] for i in range(3)]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            th1, s1, c1 = self._solve_slew(w, near)
+            nt, ot, at = (s1 * v[0] - c1 * v[1] for v in (n, o, a))  # z1 = (s1, -c1, 0)
+            sine = np.sqrt(nt * nt + ot * ot)
+            sign = np.array([[[1.0]], [[-1.0]]])
+            th5 = np.arctan2(sign * sine, -at)
+            s6, c6 = -sign * ot / sine, sign * nt / sine
+            th6 = np.arctan2(s6, c6)
+            straight = sine < SINGULAR
+            if straight.any():  # only theta2 + theta3 -+ theta6 is fixed
+                free = (self.lower[5] + self.upper[5]) / 2 if near is None else near[:, 5]
+                th6 = np.where(straight, free, th6)
+                s6, c6 = np.where(straight, np.sin(th6), s6), np.where(straight, np.cos(th6), c6)
+            z3 = [s6 * n[i] + c6 * o[i] for i in range(3)]
+            ur, uz = z3[0] * c1 + z3[1] * s1, z3[2]
+            ar, az = w[0] * c1 + w[1] * s1 - self.k2, w[2] - self.k1
+            th2, th3, length = self._solve_boom(ar, az, ur, uz, sine)
+        angles = [
+            wrap_into(value, self.lower[i], self.upper[i])
+            for i, value in ((0, th1), (1, th2), (2, th3), (4, th5), (5, th6))
+        ]
+        return [*angles[:3], length - self.k4, *angles[3:]]
+
+    def _solve_slew(self, w: Sequence[Array], near: Array | None) -> tuple[Array, Array, Array]:
+        """Turn the arm's plane through the wrist: theta1, its sine and cosine, each (2, N)."""
+        radius = np.sqrt(w[0] * w[0] + w[1] * w[1])
+        on_axis = radius <= MEETING
+        th1, s1, c1 = np.arctan2(w[1], w[0]), w[1] / radius, w[0] / radius
+        if on_axis.any():  # the slew is free
+            th1 = np.where(on_axis, 0.0 if near is None else near[:, 0], th1)
+            s1, c1 = np.where(on_axis, np.sin(th1), s1), np.where(on_axis, np.cos(th1), c1)
+        sign = np.array([[1.0], [-1.0]])
+        return th1 + np.array([[0.0], [np.pi]]), sign * s1, sign * c1
+
+    def _solve_boom(
+        self, ar: Array, az: Array, ur: Array, uz: Array, sine: Array
+    ) -> tuple[Array, Array, Array]:
+        """Solve the triangle of boom and fore-arm: theta2, theta3 and the fore-arm's length, (2, 2, 2, N)."""
+        dot, off = ar * ur + az * uz, np.abs(ar * uz - az * ur)
         # a nearly straight wrist passes its rounding on to u, magnified
-        scale = (square + self.k3**2) / np.where(sine < SINGULAR, 1.0, np.maximum(sine, STRAIGHT))
-        length = dot + sign[..., None] * root(radicand, scale)
+        slack = MEETING * np.where(sine < SINGULAR, 1.0, 1.0 / np.maximum(sine, STRAIGHT))
+        off = settle(off, np.full_like(off, self.k3), slack)
+        length = dot + leg(np.full_like(off, self.k3), off) * np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
         th2 = np.arctan2(az - length * uz, ar - length * ur)
-        th3 = np.arctan2(ur, -uz) - th2
-        for i, value in enumerate((th1, th2, th3, length - self.k4, th5, th6)):
-            q[i] = value if i == 3 else wrap_into(value, self.lower[i], self.upper[i])
-        return q.reshape(6, 8, -1)
+        return th2, np.arctan2(ur, -uz) - th2, length

@@ -16,14 +16,16 @@ from typing import ClassVar
 import numpy as np
 
 from ascrcp.core.geometry import Array
+from ascrcp.kinematics.chain import sine_cosine
 from ascrcp.kinematics.description import ArmDescription, Prismatic
-from ascrcp.kinematics.solution import root, wrap_into
+from ascrcp.kinematics.solution import MEETING, leg, settle, wrap_into
 
 STRUCTURE = ("z", "-y", "x slides", "-y", "z", "x slides", "x", "z")
 """Axes of the eight steps this closed form is for."""
 
-SINGULAR = 1e-10
-"""Sine of the angle between tilt axis and pitch axes below which they count as parallel."""
+SINGULAR = 2e-12
+"""Sine of the angle between tilt axis and pitch axes below which they count as parallel; taking them
+for parallel then misses the pose by no more."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,7 @@ class SprayInverse:
     limits_lance: bool
 
     held: ClassVar[tuple[int, ...]] = (5, 6)
+    middle: ClassVar[int] = 4
 
     @classmethod
     def fit(cls, description: ArmDescription) -> "SprayInverse | None":
@@ -77,86 +80,99 @@ class SprayInverse:
             limits_lance=tuple(joints[3].limit_sum) == (2, 4),
         )
 
-    def solve(self, T: Array, held: Sequence[Array], near: Array | None) -> Array:
-        """Compute the eight candidates of each pose.
+    def solve(self, P: Array, held: Sequence[Array], near: Array | None) -> list[Array]:
+        """Compute the eight candidates of each pose: boom 2 x roll 2 x slew 2.
+
+        A lance yawed by exactly 90 deg, beyond any range, has its roll axis parallel to the pitch axes
+        and gives no candidate.
 
         Args:
-            T: Poses, shape (N, 4, 4).
+            P: Components of the poses, shape (3, 4, N).
             held: q5 [rad] and q6 [m], each shape (N,).
-            near: Joint vectors whose lance inclination settles a pose that leaves it free, (N, 8).
+            near: Joint vectors whose slew and lance inclination settle a pose that leaves them free,
+                shape (N, 8).
 
         Returns:
-            Candidates [rad, m], NaN where not real, joint first: shape (8, 8, N).
+            One array per joint [rad, m], NaN where not real, each broadcasting to (2, 2, 2, N).
         """
         q5, q6 = held
-        q = np.empty((8, 2, 2, 2, len(T)))  # joint, boom, roll, slew, pose
-        q[4], q[5] = q5, q6
-        s5, c5 = np.sin(q5), np.cos(q5)
+        s5, c5 = sine_cosine(q5)
         stretched = self.lance[0] + q6
         lance_x = self.yaw[0] + c5 * stretched - s5 * self.lance[1]
         lance_z = self.yaw[2] + self.lance[2]
         lateral = self.boom[1] + self.elbow[1] + self.yaw[1] + s5 * stretched + c5 * self.lance[1]
         with np.errstate(divide="ignore", invalid="ignore"):
-            forward, height, R1 = self._solve_slew(T, lateral, q)
-            beta, c_beta, s_beta = self._solve_wrist(R1, s5, c5, near, q)
+            q1, forward, height, R1 = self._solve_slew(P, lateral, near)
+            q7, q8, beta, c_beta, s_beta = self._solve_wrist(R1, s5, c5, near)
             x = forward - self.boom[0] - (c_beta * lance_x - s_beta * lance_z)
             z = height - self.boom[2] - (s_beta * lance_x + c_beta * lance_z)
-            self._solve_boom(x, z, beta, q)
-        return q.reshape(8, 8, -1)
+            q2, q3, q4 = self._solve_boom(x, z, beta)
+        return [q1, q2, q3, q4, q5, q6, q7, q8]
 
-    def _solve_slew(self, T: Array, lateral: Array, q: Array) -> tuple[Array, Array, list[list[Array]]]:
+    def _solve_slew(
+        self, P: Array, lateral: Array, near: Array | None
+    ) -> tuple[Array, Array, Array, list[list[Array]]]:
         """Wrist centre from the tool offset; slew from the constant lateral offset.
 
         Returns:
-            Forward distance of the wrist in the slewed frame (2, N), its height (N,), and the
-            rotation with the slew taken off, nine components.
+            q1 (2, N), forward distance of the wrist in the slewed frame (2, N), its height (N,), and
+            the rotation with the slew taken off, nine components.
         """
-        R = T[:, :3, :3]
-        w = T[:, :3, 3] - R @ self.tool - self.base
-        wx, wy = np.ascontiguousarray(w[:, 0]), np.ascontiguousarray(w[:, 1])
-        square = wx * wx + wy * wy
-        forward = root(square - lateral * lateral, square + 1.0) * np.array([[1.0], [-1.0]])
-        q1 = np.arctan2(wy, wx) - np.arctan2(lateral, forward)
-        q[0] = wrap_into(q1, self.lower[0], self.upper[0])
-        safe = np.where(square > 0.0, square, 1.0)  # a wrist on the slew axis: arctan2 took zero
-        c1 = np.where(square > 0.0, (wx * forward + wy * lateral) / safe, np.cos(q1))
-        s1 = np.where(square > 0.0, (wy * forward - wx * lateral) / safe, np.sin(q1))
-        rows = [[np.ascontiguousarray(R[:, i, j]) for j in range(3)] for i in range(3)]
+        wx, wy, wz = (
+            row[3] - (row[0] * self.tool[0] + row[1] * self.tool[1] + row[2] * self.tool[2]) - base
+            for row, base in zip(P, self.base, strict=True)
+        )
+        radius = np.sqrt(wx * wx + wy * wy)
+        settled = settle(radius, np.abs(lateral))
+        forward = leg(settled, np.abs(lateral)) * np.array([[1.0], [-1.0]])
+        size = radius * settled
+        c1, s1 = (wx * forward + wy * lateral) / size, (wy * forward - wx * lateral) / size
+        q1 = np.arctan2(s1, c1)
+        on_axis = (radius <= MEETING) & (np.abs(lateral) <= MEETING)
+        if on_axis.any():  # the slew is free
+            free = 0.0 if near is None else near[:, 0]
+            q1 = np.where(on_axis, free + np.array([[0.0], [np.pi]]), q1)
+            c1, s1 = np.where(on_axis, np.cos(q1), c1), np.where(on_axis, np.sin(q1), s1)
         R1 = [
-            [c1 * rows[0][j] + s1 * rows[1][j] for j in range(3)],
-            [c1 * rows[1][j] - s1 * rows[0][j] for j in range(3)],
-            [np.broadcast_to(rows[2][j], c1.shape) for j in range(3)],
+            [c1 * P[0, j] + s1 * P[1, j] for j in range(3)],
+            [c1 * P[1, j] - s1 * P[0, j] for j in range(3)],
+            [P[2, j] for j in range(3)],
         ]
-        return forward, w[:, 2], R1
+        return wrap_into(q1, self.lower[0], self.upper[0]), forward, wz, R1
 
     def _solve_wrist(
-        self, R1: list[list[Array]], s5: Array, c5: Array, near: Array | None, q: Array
-    ) -> tuple[Array, Array, Array]:
+        self, R1: list[list[Array]], s5: Array, c5: Array, near: Array | None
+    ) -> tuple[Array, Array, Array, Array, Array]:
         """Roll and lance inclination from the third column, tilt from what is left.
 
         Where the tilt axis is parallel to the pitch axes (q5 = 0, q7 = +-90 deg) only
         beta + q8 is fixed; `near`, else the middle of the tilt's range, settles beta.
 
         Returns:
-            beta, cos(beta), sin(beta), each shape (2 roll, 2 slew, N).
+            q7, q8, beta, cos(beta), sin(beta), each shape (2 roll, 2 slew, N).
         """
         (r1x, _, r3x), (r1y, _, r3y), (r1z, _, r3z) = R1
-        square = r3x * r3x + r3z * r3z
-        singular = square < SINGULAR**2
+        across = np.sqrt(r3x * r3x + r3z * r3z)  # of the tilt axis, to the pitch axes
+        settled = settle(across, np.abs(s5))
+        singular = settled <= SINGULAR
         s7 = -r3y / c5
-        c7 = root(square - s5 * s5, np.abs(s5)) / np.abs(c5) * np.array([[[1.0]], [[-1.0]]])
-        c7 = np.where(singular, 0.0, c7)
-        q7 = np.arctan2(np.broadcast_to(s7, c7.shape), c7)
-        along, across = s5 * s7, c7
-        beta = np.arctan2(r3z, r3x) - np.arctan2(across, along)
-        beta = np.where(singular, self._free_inclination(R1, s7, near), beta)
-        beta = wrap_into(beta, self.lower[3], self.upper[3]) if self.limits_lance else beta
-        c_beta, s_beta = np.cos(beta), np.sin(beta)
+        c7 = leg(settled, np.abs(s5)) / np.abs(c5) * np.array([[[1.0]], [[-1.0]]])
+        along, size = s5 * s7, across * settled
+        c_beta, s_beta = (r3x * along + r3z * c7) / size, (r3z * along - r3x * c7) / size
+        beta = np.arctan2(s_beta, c_beta)
+        if singular.any():
+            c7 = np.where(singular, 0.0, c7)
+            beta = np.where(singular, self._free_inclination(R1, s7, near), beta)
+            c_beta, s_beta = (
+                np.where(singular, np.cos(beta), c_beta),
+                np.where(singular, np.sin(beta), s_beta),
+            )
         x, z = c_beta * r1x + s_beta * r1z, c_beta * r1z - s_beta * r1x
+        q7 = wrap_into(np.arctan2(s7, c7), self.lower[6], self.upper[6])
         q8 = np.arctan2(c7 * (c5 * r1y - s5 * x) + s7 * z, c5 * x + s5 * r1y)
-        q[6] = wrap_into(q7, self.lower[6], self.upper[6])
-        q[7] = wrap_into(q8, self.lower[7], self.upper[7])
-        return beta, c_beta, s_beta
+        if self.limits_lance:
+            beta = wrap_into(beta, self.lower[3], self.upper[3])
+        return q7, wrap_into(q8, self.lower[7], self.upper[7]), beta, c_beta, s_beta
 
     def _free_inclination(self, R1: list[list[Array]], s7: Array, near: Array | None) -> Array:
         """Choose the lance inclination of a singular pose: near's, else tilt at mid range."""
@@ -167,13 +183,13 @@ class SprayInverse:
         beta = wrap_into(inclined - s7 * (self.lower[7] + self.upper[7]) / 2, self.lower[3], self.upper[3])
         return np.clip(beta, self.lower[3], self.upper[3])
 
-    def _solve_boom(self, x: Array, z: Array, beta: Array, q: Array) -> None:
+    def _solve_boom(self, x: Array, z: Array, beta: Array) -> tuple[Array, Array, Array]:
         """Boom pitch and extension from the elbow triangle; lance pitch is what beta leaves."""
         drop = self.elbow[2]
-        square = x * x + z * z
-        length = root(square - drop * drop, square + 1.0) * np.array([[[[1.0]]], [[[-1.0]]]])
-        q[2] = length - self.elbow[0]
-        pitch = np.arctan2(z, x) - np.arctan2(drop, length)
-        q[1] = wrap_into(pitch, self.lower[1], self.upper[1])
-        lance = beta - q[1]
-        q[3] = lance if self.limits_lance else wrap_into(lance, self.lower[3], self.upper[3])
+        radius = settle(np.sqrt(x * x + z * z), abs(drop))
+        length = leg(radius, abs(drop)) * np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
+        q2 = wrap_into(np.arctan2(z, x) - np.arctan2(drop, length), self.lower[1], self.upper[1])
+        q4 = beta - q2
+        if not self.limits_lance:
+            q4 = wrap_into(q4, self.lower[3], self.upper[3])
+        return q2, length - self.elbow[0], q4
