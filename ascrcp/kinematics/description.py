@@ -93,6 +93,33 @@ class SagModel(Struct):
     slope_ratio: Annotated[float, Meta(ge=0.0, le=3.0)]
 
 
+class Calibration(Struct):
+    """What `ascrcp calibrate` noted in the file it wrote, and what its fit says about the joint sensors.
+
+    Attributes:
+        machine: Machine file it began with.
+        machine_sha256: Checksum of that file.
+        survey: File of measured tip positions.
+        survey_sha256: Checksum of that file.
+        rows: Rows used.
+        set_aside: Lines of the survey that fit nothing (blunders).
+        before_mm: Mean miss of the machine file it began with [mm].
+        after_mm: Mean miss on rows not fitted [mm].
+        sensor_zero: To be added to what each joint's sensor reads, degrees and metres by joint kind; a
+            joint with limit_sum has its sensor on that sum. Empty: all zero.
+    """
+
+    machine: str
+    machine_sha256: str
+    survey: str
+    survey_sha256: str
+    rows: int
+    set_aside: list[int]
+    before_mm: NonNegative
+    after_mm: NonNegative
+    sensor_zero: list[float] = []
+
+
 class PathModel(Struct):
     """How a whole path is solved: `path.py` states the method.
 
@@ -139,6 +166,7 @@ class ArmDescription(Struct):
     lidar: Mount | None = None
     zero_pose: list[float] | None = None
     sag: SagModel | None = None
+    calibration: Calibration | None = None
     path: PathModel | None = None
 
     def __post_init__(self) -> None:
@@ -150,6 +178,8 @@ class ArmDescription(Struct):
             raise ConfigError(
                 f"machine {self.name}: lidar.joint {self.lidar.joint}, allowed 1..{len(self.joints)}"
             )
+        if self.calibration is not None and len(self.calibration.sensor_zero) not in (0, len(self.joints)):
+            raise ConfigError(f"machine {self.name}: sensor_zero must hold {len(self.joints)} values [deg, m]")
         if self.zero_pose is not None and len(self.zero_pose) != len(self.joints):
             raise ConfigError(f"machine {self.name}: zero_pose must hold {len(self.joints)} values [deg, m]")
 
