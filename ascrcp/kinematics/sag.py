@@ -24,13 +24,13 @@ MAX_PAYLOAD_KG = 2000.0
 """Above this a payload is a mistake of units: the full hose of thesis 6.2.3 weighs 181 kg."""
 
 
-def compute_sag(model: SagModel, reach: Array, payload_kg: float = 0.0) -> tuple[Array, Array]:
+def compute_sag(model: SagModel, reach: Array, payload_kg: ArrayLike = 0.0) -> tuple[Array, Array]:
     """Compute sag and pitch at horizontal reaches.
 
     Args:
         model: Coefficients.
         reach: Horizontal distance of the tip from the base origin [m], shape (...).
-        payload_kg: Concrete in the hose [kg].
+        payload_kg: Concrete in the hose [kg], scalar or shape (...).
 
     Returns:
         Drop along base -z [m] and downward pitch [rad], each shape (...).
@@ -38,21 +38,33 @@ def compute_sag(model: SagModel, reach: Array, payload_kg: float = 0.0) -> tuple
     Raises:
         InputError: A payload that is negative, huge or not finite.
     """
-    if not 0.0 <= payload_kg <= MAX_PAYLOAD_KG:
-        raise InputError(f"payload {payload_kg} kg, allowed 0..{MAX_PAYLOAD_KG:g}")
-    full = (model.own_mm + model.load_mm_per_kg * payload_kg) / 1000.0
+    payload = np.asarray(payload_kg, dtype=float)
+    allowed = (payload >= 0.0) & (payload <= MAX_PAYLOAD_KG)
+    if not allowed.all():
+        worst = float(payload[~allowed].flat[0])
+        raise InputError(f"payload {worst:g} kg, allowed 0..{MAX_PAYLOAD_KG:g}")
+    full = (model.own_mm + model.load_mm_per_kg * payload) / 1000.0
     share = reach / model.reference_reach
     drop = full * share**model.exponent
     pitch = model.slope_ratio * drop / np.maximum(reach, 1e-9)
     return drop, pitch
 
 
-def sagged_forward(arm: "Arm", q: ArrayLike, payload_kg: float = 0.0) -> Array:
+def sagged_forward(arm: "Arm", q: ArrayLike, payload_kg: ArrayLike = 0.0) -> Array:
     """Compute where gravity takes the tool: forward(q) dropped and pitched, shape (..., 4, 4)."""
     return _bend(arm, arm.forward(q), payload_kg, 1.0)
 
 
-def compensate(arm: "Arm", T: Array, payload_kg: float = 0.0) -> Array:
+def sagged_lidar(arm: "Arm", q: ArrayLike, payload_kg: ArrayLike = 0.0) -> Array:
+    """Compute where gravity takes the lidar's mount, shape (..., 4, 4): the law at the mount's own reach.
+
+    Raises:
+        InputError: The machine carries no lidar, or a bad q or payload.
+    """
+    return _bend(arm, arm.lidar(q), payload_kg, 1.0)
+
+
+def compensate(arm: "Arm", T: Array, payload_kg: ArrayLike = 0.0) -> Array:
     """Find the rigid target whose sagged pose is T.
 
     Sag moves the tip along z only and the law looks at its horizontal reach only, so the fixed
@@ -61,7 +73,7 @@ def compensate(arm: "Arm", T: Array, payload_kg: float = 0.0) -> Array:
     Args:
         arm: The arm; without a sag model T comes back unchanged.
         T: Wanted poses, shape (..., 4, 4).
-        payload_kg: Concrete in the hose [kg].
+        payload_kg: Concrete in the hose [kg], scalar or shape (...).
 
     Returns:
         T' with sagged(T') = T, shape (..., 4, 4).
@@ -69,7 +81,7 @@ def compensate(arm: "Arm", T: Array, payload_kg: float = 0.0) -> Array:
     return _bend(arm, np.asarray(T, dtype=float), payload_kg, -1.0)
 
 
-def _bend(arm: "Arm", T: Array, payload_kg: float, sign: float) -> Array:
+def _bend(arm: "Arm", T: Array, payload_kg: ArrayLike, sign: float) -> Array:
     model = arm.description.sag
     if model is None:
         return T
