@@ -5,7 +5,7 @@ therefore laid along the arch: a vote over station, lean and skew finds candidat
 them, and the thesis's rule decides on slices that lean with the candidate.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +18,13 @@ from ascrcp.perception.profile_line import crown_height
 from ascrcp.perception.raster import Unrolled, raster_over
 
 _ROW = 0.025  # half a slice: an arch cut anywhere still fills slices of this length [m]
+_PHASES = (0.0, 0.25, 0.5, 0.75)  # of a half slice
 _LEAN_STEP_DEG = 0.5
 _MAX_SKEW_DEG = 3.0  # turned about the vertical; placeholder
 _SKEW_STEP_DEG = 1.0
 _MAX_ARCHES = 12
 _REACH = 0.05  # an arch's edges are looked for this far beyond half its width [m]
+_NEAR_EDGE, _FAR_EDGE = 0.04, 0.99  # quantiles of an arch's points taken for its edges; synthetic headings
 _TOO_WIDE = 1.75  # times the width: more of the arch line in a row is sprayed surface, not an arch
 
 
@@ -185,7 +187,17 @@ def _place(
             float(np.median(width[good])),
             ring.along,
         )
-    return ring
+    return _centred(ring, ring.distance(wall.station, wall.yz)[hit], half)
+
+
+def _centred(ring: Ring, distance: Array, half: float) -> Ring:
+    """Move a ring to the middle between its edges, taken from all columns together.
+
+    Column by column the near edge lies too near, since its side is seen densely and the least of many
+    noisy points counts, and the far edge too near, since it is seen sparsely.
+    """
+    low, high = np.quantile(distance[np.abs(distance) < half], [_NEAR_EDGE, _FAR_EDGE])
+    return replace(ring, station=ring.station + float(low + high) / 2, width=float(high - low))
 
 
 def _robust_plane(middle: Array, yz: Array) -> Array:
@@ -213,24 +225,44 @@ def _checked(
 ) -> Ring | None:
     """Apply the rule of figure 3-18 on half slices that lean with the candidate.
 
-    n slices of 5 cm cut anywhere cover at least 2 n - 2 whole half slices of an arch.
+    n slices of 5 cm cut anywhere cover at least 2 n - 2 whole half slices of an arch. Where the half
+    slices begin is as arbitrary, so that the best of several beginnings counts.
     """
     if not abs(np.degrees(np.arctan(ring.lean))) <= parameters.max_lean_deg:
         return None
+    distance = ring.distance(wall.station, wall.yz)
+    near = np.abs(distance) < profile.arch_width * 2
+    distance, along, hit = distance[near], wall.along[near], hit[near]
+    run = max(
+        _longest(_rule(distance + phase * _ROW, along, hit, profile, parameters, section))
+        for phase in _PHASES
+    )
+    if not 2 * parameters.slices - 2 <= run <= _TOO_WIDE * profile.arch_width / _ROW:
+        return None
+    middle = np.abs(distance) < 0.4 * profile.arch_width
+    raster = raster_over(-1.0, 1.0, 2.0, section.column, profile)
+    index = raster.index(distance[middle], along[middle])
+    count, inside = raster.total(index), raster.total(index, hit[middle].astype(float))
+    return replace(ring, along=_span(inside[0], count[0], raster.column))
+
+
+def _rule(
+    distance: Array,
+    along: Array,
+    hit: NDArray[np.bool_],
+    profile: Profile,
+    parameters: ArchParameters,
+    section: SectionParameters,
+) -> list[bool]:
+    """Whether each half slice has the arc the rule asks for, at distances from the arch's plane."""
     half = profile.arch_width * 1.5
     raster = raster_over(-half, half, _ROW, section.column, profile)
-    index = raster.index(ring.distance(wall.station, wall.yz), wall.along)
+    index = raster.index(distance, along)
     count, inside = raster.total(index), raster.total(index, hit.astype(float))
-    rule = [
+    return [
         stretch(inside[i], count[i], parameters.share)[2] * raster.column >= parameters.arc
         for i in range(raster.shape[0])
     ]
-    run = _longest(rule)
-    if not 2 * parameters.slices - 2 <= run <= _TOO_WIDE * profile.arch_width / _ROW:
-        return None
-    middle = np.abs(raster.station) < 0.4 * profile.arch_width
-    span = _span(inside[middle].sum(axis=0), count[middle].sum(axis=0), raster.column)
-    return Ring(ring.station, ring.lean, ring.skew, ring.width, span)
 
 
 def _span(inside: Array, count: Array, column: float) -> tuple[float, float]:

@@ -1,5 +1,7 @@
 """Recognise overbreak: runs of 20 cm beyond R2 along the arc, joined over slices (thesis figure 3-16)."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
@@ -45,7 +47,9 @@ def find_overbreak(
         depth = float((wall.offset[mine] - line).max())
         mean = float(volume[mine].sum() / area[mine].sum())
         if depth >= parameters.min_depth and mean >= parameters.min_mean_depth:
-            regions.append((_region(wall, parts == part, mine, area, volume, depth, profile), part))
+            region = _region(wall, parts == part, mine, area, volume, depth, profile)
+            last = min(region.station[1], extent.end)  # the last row may reach into the face
+            regions.append((replace(region, station=(region.station[0], last)), part))
     regions.sort(key=lambda r: -r[0].volume_m3)
     chosen = np.isin(parts, [part for _, part in regions])
     return [region for region, _ in regions], chosen

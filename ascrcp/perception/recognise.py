@@ -23,7 +23,7 @@ from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.raster import Unrolled, unroll
 from ascrcp.perception.section import Extent, find_extent, is_wall
 from ascrcp.perception.voxel import voxel
-from ascrcp.perception.wall import build_wall
+from ascrcp.perception.wall import build_wall, wall_end
 
 Progress = Callable[[str, float], None]
 """Called as (step, fraction done 0..1) when a step begins; may raise CancelledError."""
@@ -143,7 +143,7 @@ def _cut(
 
 
 def _arches(slices: _Slices, profile: Profile, parameters: PerceptionParameters) -> list[Ring]:
-    first, last = slices.extent.sprayed_end, slices.extent.end
+    first, last = slices.extent.sprayed_end, wall_end(slices.extent)
     return find_arches(slices.wall, first, last, profile, parameters.arch, parameters.section)
 
 

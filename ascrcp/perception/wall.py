@@ -46,6 +46,11 @@ def is_arch(flat: Unrolled, rings: list[Ring], profile: Profile, side: float = 0
     return steel & (flat.offset < between(profile))
 
 
+def wall_end(extent: Extent) -> float:
+    """Station up to which points are wall [m]: the face's own points reach just inside the lines too."""
+    return extent.end if extent.face is None else extent.end - _CORNER
+
+
 def build_wall(
     wall: Unrolled, extent: Extent, rings: list[Ring], profile: Profile, parameters: WallParameters
 ) -> Wall:
@@ -66,12 +71,10 @@ def build_wall(
     before = max(0, int(np.floor(behind / cell)))
     start = extent.sprayed_end - before * cell
     raster = raster_over(start, max(extent.end, start + 2 * cell), cell, cell, profile)
-    # the face closes the tunnel: its points just inside the line are not wall
-    last = extent.end if extent.face is None else extent.end - _CORNER
     rock = wall.pick(
         ~is_arch(wall, rings, profile, _SIDE)
         & (wall.station >= start)
-        & (wall.station < last)
+        & (wall.station < wall_end(extent))
         & (wall.offset > profile.arch_line - _PROUD)
     )
     index = raster.index(rock.station, rock.along)
