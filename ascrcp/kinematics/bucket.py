@@ -12,13 +12,13 @@ import numpy as np
 
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.description import ArmDescription, DhRow, Prismatic
-from ascrcp.kinematics.solution import MEETING, leg, settle, wrap_into
+from ascrcp.kinematics.solution import MEETING, ON_AXIS, leg, settle, wrap_into
 
 SINGULAR = 1e-10
 """|sin(theta5)| below which only theta2 + theta3 -+ theta6 is fixed."""
 
-STRAIGHT = 1e-3
-"""Smallest |sin(theta5)| whose magnification of rounding is allowed for."""
+LARGEST_SLACK = 3e-11
+"""Most that rounding is allowed to have moved the elbow by [m]: solutions are held to 1e-10 m."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class BucketInverse:
         n, o, a, p = (P[:, j] for j in range(4))
         w = [p[i] - self.k5 * n[i] for i in range(3)]
         with np.errstate(divide="ignore", invalid="ignore"):
-            th1, s1, c1 = self._solve_slew(w, near)
+            th1, s1, c1, radius = self._solve_slew(w, near)
             nt, ot, at = (s1 * v[0] - c1 * v[1] for v in (n, o, a))  # z1 = (s1, -c1, 0)
             sine = np.sqrt(nt * nt + ot * ot)
             sign = np.array([[[1.0]], [[-1.0]]])
@@ -91,31 +91,33 @@ class BucketInverse:
             z3 = [s6 * n[i] + c6 * o[i] for i in range(3)]
             ur, uz = z3[0] * c1 + z3[1] * s1, z3[2]
             ar, az = w[0] * c1 + w[1] * s1 - self.k2, w[2] - self.k1
-            th2, th3, length = self._solve_boom(ar, az, ur, uz, sine)
+            th2, th3, length = self._solve_boom(ar, az, ur, uz, sine, radius)
         angles = [
             wrap_into(value, self.lower[i], self.upper[i])
             for i, value in ((0, th1), (1, th2), (2, th3), (4, th5), (5, th6))
         ]
         return [*angles[:3], length - self.k4, *angles[3:]]
 
-    def _solve_slew(self, w: Sequence[Array], near: Array | None) -> tuple[Array, Array, Array]:
-        """Turn the arm's plane through the wrist: theta1, its sine and cosine, each (2, N)."""
+    def _solve_slew(self, w: Sequence[Array], near: Array | None) -> tuple[Array, Array, Array, Array]:
+        """Turn the arm's plane through the wrist: theta1, sine, cosine (2, N); distance (N,)."""
         radius = np.sqrt(w[0] * w[0] + w[1] * w[1])
-        on_axis = radius <= MEETING
+        on_axis = radius <= ON_AXIS
         th1, s1, c1 = np.arctan2(w[1], w[0]), w[1] / radius, w[0] / radius
         if on_axis.any():  # the slew is free
             th1 = np.where(on_axis, 0.0 if near is None else near[:, 0], th1)
             s1, c1 = np.where(on_axis, np.sin(th1), s1), np.where(on_axis, np.cos(th1), c1)
         sign = np.array([[1.0], [-1.0]])
-        return th1 + np.array([[0.0], [np.pi]]), sign * s1, sign * c1
+        radius = np.where(on_axis, 1.0, radius)  # a slew that is settled carries no rounding
+        return th1 + np.array([[0.0], [np.pi]]), sign * s1, sign * c1, radius
 
     def _solve_boom(
-        self, ar: Array, az: Array, ur: Array, uz: Array, sine: Array
+        self, ar: Array, az: Array, ur: Array, uz: Array, sine: Array, radius: Array
     ) -> tuple[Array, Array, Array]:
         """Solve the triangle of boom and fore-arm: theta2, theta3 and the fore-arm's length, (2, 2, 2, N)."""
         dot, off = ar * ur + az * uz, np.abs(ar * uz - az * ur)
-        # a nearly straight wrist passes its rounding on to u, magnified
-        slack = MEETING * np.where(sine < SINGULAR, 1.0, 1.0 / np.maximum(sine, STRAIGHT))
+        # a nearly straight wrist, or one near the slew axis, passes its rounding on to u, magnified
+        close = np.where(sine < SINGULAR, 1.0, sine) * np.minimum(radius, 1.0)
+        slack = np.clip(MEETING / close, MEETING, LARGEST_SLACK)
         off = settle(off, np.full_like(off, self.k3), slack)
         length = dot + leg(np.full_like(off, self.k3), off) * np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
         th2 = np.arctan2(az - length * uz, ar - length * ur)

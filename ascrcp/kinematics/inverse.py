@@ -18,7 +18,7 @@ import numpy as np
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.chain import sine_cosine
 from ascrcp.kinematics.description import ArmDescription, Prismatic
-from ascrcp.kinematics.solution import MEETING, leg, settle, wrap_into
+from ascrcp.kinematics.solution import MEETING, ON_AXIS, leg, settle, wrap_into
 
 STRUCTURE = ("z", "-y", "x slides", "-y", "z", "x slides", "x", "z")
 """Axes of the eight steps this closed form is for."""
@@ -26,6 +26,10 @@ STRUCTURE = ("z", "-y", "x slides", "-y", "z", "x slides", "x", "z")
 SINGULAR = 2e-12
 """Sine of the angle between tilt axis and pitch axes below which they count as parallel; taking them
 for parallel then misses the pose by no more."""
+
+
+LARGEST_SLACK = 3e-12
+"""Most that rounding is allowed to have turned the wrist by: solutions are held to 1e-10 m at 8 m."""
 
 
 @dataclass(frozen=True)
@@ -103,10 +107,12 @@ class SprayInverse:
         lateral = self.boom[1] + self.elbow[1] + self.yaw[1] + s5 * stretched + c5 * self.lance[1]
         with np.errstate(divide="ignore", invalid="ignore"):
             q1, forward, height, R1 = self._solve_slew(P, lateral, near)
-            q7, q8, beta, c_beta, s_beta = self._solve_wrist(R1, s5, c5, near)
+            # a slew near its own fold passes rounding on to the wrist, magnified
+            slack = np.clip(MEETING / np.abs(forward), MEETING, LARGEST_SLACK)
+            q7, q8, beta, c_beta, s_beta = self._solve_wrist(R1, s5, c5, slack, near)
             x = forward - self.boom[0] - (c_beta * lance_x - s_beta * lance_z)
             z = height - self.boom[2] - (s_beta * lance_x + c_beta * lance_z)
-            q2, q3, q4 = self._solve_boom(x, z, beta)
+            q2, q3, q4 = self._solve_boom(x, z, beta, 10.0 * slack)
         return [q1, q2, q3, q4, q5, q6, q7, q8]
 
     def _solve_slew(
@@ -128,7 +134,7 @@ class SprayInverse:
         size = radius * settled
         c1, s1 = (wx * forward + wy * lateral) / size, (wy * forward - wx * lateral) / size
         q1 = np.arctan2(s1, c1)
-        on_axis = (radius <= MEETING) & (np.abs(lateral) <= MEETING)
+        on_axis = (radius <= ON_AXIS) & (np.abs(lateral) <= ON_AXIS)
         if on_axis.any():  # the slew is free
             free = 0.0 if near is None else near[:, 0]
             q1 = np.where(on_axis, free + np.array([[0.0], [np.pi]]), q1)
@@ -141,7 +147,7 @@ class SprayInverse:
         return wrap_into(q1, self.lower[0], self.upper[0]), forward, wz, R1
 
     def _solve_wrist(
-        self, R1: list[list[Array]], s5: Array, c5: Array, near: Array | None
+        self, R1: list[list[Array]], s5: Array, c5: Array, slack: Array, near: Array | None
     ) -> tuple[Array, Array, Array, Array, Array]:
         """Roll and lance inclination from the third column, tilt from what is left.
 
@@ -153,7 +159,7 @@ class SprayInverse:
         """
         (r1x, _, r3x), (r1y, _, r3y), (r1z, _, r3z) = R1
         across = np.sqrt(r3x * r3x + r3z * r3z)  # of the tilt axis, to the pitch axes
-        settled = settle(across, np.abs(s5))
+        settled = settle(across, np.abs(s5), slack)
         singular = settled <= SINGULAR
         s7 = -r3y / c5
         c7 = leg(settled, np.abs(s5)) / np.abs(c5) * np.array([[[1.0]], [[-1.0]]])
@@ -183,10 +189,10 @@ class SprayInverse:
         beta = wrap_into(inclined - s7 * (self.lower[7] + self.upper[7]) / 2, self.lower[3], self.upper[3])
         return np.clip(beta, self.lower[3], self.upper[3])
 
-    def _solve_boom(self, x: Array, z: Array, beta: Array) -> tuple[Array, Array, Array]:
+    def _solve_boom(self, x: Array, z: Array, beta: Array, slack: Array) -> tuple[Array, Array, Array]:
         """Boom pitch and extension from the elbow triangle; lance pitch is what beta leaves."""
         drop = self.elbow[2]
-        radius = settle(np.sqrt(x * x + z * z), abs(drop))
+        radius = settle(np.sqrt(x * x + z * z), abs(drop), slack)
         length = leg(radius, abs(drop)) * np.array([1.0, -1.0]).reshape(2, 1, 1, 1)
         q2 = wrap_into(np.arctan2(z, x) - np.arctan2(drop, length), self.lower[1], self.upper[1])
         q4 = beta - q2

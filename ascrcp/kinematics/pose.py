@@ -31,7 +31,10 @@ def split_poses(T: Array) -> Array:
 
 
 def _defect(parts: Array) -> float:
-    """Largest miss of x.x = y.y = 1, x.y = 0, z = x cross y and the last row (4, 4, N); NaN stays NaN."""
+    """Largest miss of x.x = y.y = 1, x.y = 0, z = x cross y and the last row (4, 4, N).
+
+    NaN where anything is not finite.
+    """
     x, y, z = (parts[:3, j] for j in range(3))
     worst = np.abs(x[0] * x[0] + x[1] * x[1] + x[2] * x[2] - 1.0)
     misses = [
@@ -43,9 +46,7 @@ def _defect(parts: Array) -> float:
     ]
     for miss in misses:
         np.maximum(worst, np.abs(miss, out=miss), out=worst)
-    place = parts[:3, 3]
-    # a position that is not finite makes this NaN
-    return float(worst.max(initial=0.0) + 0.0 * np.abs(place).max(initial=0.0))
+    return float(worst.max(initial=0.0)) if np.isfinite(parts[:3, 3]).all() else float("nan")
 
 
 def _nearest_rotation(R: Array) -> Array:

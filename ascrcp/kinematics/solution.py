@@ -20,6 +20,10 @@ MEETING = 1e-13
 """Difference of two lengths [m] below which rounding may have parted them: poses lie tens of metres
 off at most, and a double resolves 4e-15 m there."""
 
+ON_AXIS = 2e-11
+"""Distance of the wrist from the slew axis [m] within which the slew is free: its direction is lost in
+rounding there, and any slew misses the pose by no more."""
+
 TURN = 2.0 * np.pi
 
 

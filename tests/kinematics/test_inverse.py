@@ -35,7 +35,7 @@ def assert_sound(arm: Arm, T: np.ndarray, solutions: Solutions) -> None:
     """Whatever is marked valid is finite and reaches the pose."""
     i, k = np.nonzero(solutions.valid)
     reached = arm.forward(solutions.q[i, k])
-    assert np.abs(reached - T[i]).max() < 1e-6
+    assert np.abs(reached - T[i]).max() <= 1e-10
     assert np.isnan(solutions.q[~solutions.valid]).all()
     assert not (solutions.within_limits & ~solutions.valid).any()
 
@@ -124,6 +124,56 @@ def test_unreachable_poses_have_no_solution_and_no_nan_is_valid():
     solutions = arm.inverse(T, {5: 0.0, 6: 1.0})
     assert_sound(arm, T, solutions)
     assert not solutions.within_limits.any()
+
+
+@pytest.mark.parametrize("name", ["kc", "muck"])
+def test_poses_read_from_text_are_taken_as_the_nearest_rotation(name: str):
+    arm = load_arm(name)
+    q = draw_joints(arm, 500, seed=12)
+    exact = arm.forward(q)
+    T = np.round(exact, 7)
+    solutions = arm.inverse(T, {5: q[:, 4], 6: q[:, 5]} if name == "kc" else None)
+    i, k = np.nonzero(solutions.valid)
+    reached = arm.forward(solutions.q[i, k])
+    assert np.abs(reached - T[i]).max() < 2e-7
+    np.testing.assert_allclose(reached[:, :3, 3], T[i, :3, 3], atol=1e-10)
+    # rounding may only lose a solution where two of them meet
+    assert (solutions.within_limits.any(axis=1)).mean() > 0.99
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda T: T[..., :3, :], "shape"),
+        (lambda T: T[None], "shape"),
+        (lambda T: T * np.nan, "finite"),
+        (lambda T: np.where(np.eye(4)[3], np.inf, T), "finite"),
+        (lambda T: T @ np.diag([1.0, 1.0, -1.0, 1.0]), "determinant"),
+        (lambda T: T @ np.diag([1.01, 1.0, 1.0, 1.0]), "rotation"),
+        (lambda T: np.concatenate([T[:, :3], T[:, 3:] + 0.5], axis=1), "last row"),
+    ],
+)
+def test_what_is_no_pose_is_refused_in_one_line(change, message: str):
+    arm = load_arm("kc")
+    T = np.repeat(arm.forward(np.zeros((1, 8))), 3, axis=0)
+    bad = change(T)
+    if bad.shape == T.shape:
+        bad[0] = T[0]  # one bad pose is enough
+    with pytest.raises(InputError, match=message) as caught:
+        arm.inverse(bad, {5: 0.0, 6: 0.0})
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("near", [np.zeros(7), np.zeros((2, 8)), np.full(8, np.nan)])
+def test_a_bad_reference_is_refused(near: np.ndarray):
+    arm = load_arm("kc")
+    with pytest.raises(InputError):
+        arm.inverse(arm.forward(np.zeros((3, 8))), {5: 0.0, 6: 0.0}, near)
+
+
+def test_no_poses_give_no_solutions():
+    found = load_arm("kc").inverse(np.zeros((0, 4, 4)), {5: 0.0, 6: 0.0})
+    assert found.q.shape == (0, 8, 8) and found.valid.shape == (0, 8)
 
 
 def test_held_joints_are_kept_and_may_differ_by_pose():
