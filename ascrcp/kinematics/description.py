@@ -154,6 +154,54 @@ class PathModel(Struct):
     reroll_s: Positive
 
 
+class Capsule(Struct):
+    """A link's shape: all points within `radius` of a segment fixed to the end of a joint.
+
+    Attributes:
+        name: What a message calls it.
+        joint: Joint after which it moves, from 1; 0: it stands still in the base frame.
+        start: One end of the segment in that joint's frame [m].
+        end: The other end.
+        radius: Of the capsule [m].
+    """
+
+    name: str
+    joint: Annotated[int, Meta(ge=0)]
+    start: Vector
+    end: Vector
+    radius: Positive
+
+
+class Box(Struct):
+    """A part of the carrier: a box along the base frame's axes between two corners [m]."""
+
+    name: str
+    low: Vector
+    high: Vector
+
+
+class ClearanceModel(Struct):
+    """How far the arm keeps from everything: `clearance.py` measures it, `feedback.py` restores it.
+
+    Attributes:
+        wanted: Clearance kept wherever the task allows [m].
+        least: Clearance below which a point is not driven to [m].
+        soft: Clearance from which solving a path begins to push away [m].
+        weight: Cost of a squared metre below that, against travel.
+        cell: Spacing of the distance field [m].
+        tilt_step_deg: Steps in which the nozzle is tilted, and the largest difference of neighbours.
+        tilt_limit_deg: Largest tilt from the planned direction.
+    """
+
+    wanted: Annotated[float, Meta(ge=0.0, le=2.0)]
+    least: Annotated[float, Meta(ge=0.0, le=2.0)]
+    soft: Annotated[float, Meta(ge=0.0, le=3.0)]
+    weight: NonNegative
+    cell: Annotated[float, Meta(ge=0.03, le=0.5)]
+    tilt_step_deg: Annotated[float, Meta(ge=0.5, le=10.0)]
+    tilt_limit_deg: Annotated[float, Meta(ge=0.0, le=45.0)]
+
+
 class ArmDescription(Struct):
     """One machine: its joints from base to tool, its tool and what is known about it."""
 
@@ -168,6 +216,10 @@ class ArmDescription(Struct):
     sag: SagModel | None = None
     calibration: Calibration | None = None
     path: PathModel | None = None
+    capsules: list[Capsule] = []
+    carrier: list[Box] = []
+    self_pairs: list[tuple[str, str]] = []
+    clearance: ClearanceModel | None = None
 
     def __post_init__(self) -> None:
         if not self.joints:
@@ -179,9 +231,34 @@ class ArmDescription(Struct):
                 f"machine {self.name}: lidar.joint {self.lidar.joint}, allowed 1..{len(self.joints)}"
             )
         if self.calibration is not None and len(self.calibration.sensor_zero) not in (0, len(self.joints)):
-            raise ConfigError(f"machine {self.name}: sensor_zero must hold {len(self.joints)} values [deg, m]")
+            raise ConfigError(
+                f"machine {self.name}: sensor_zero must hold {len(self.joints)} values [deg, m]"
+            )
         if self.zero_pose is not None and len(self.zero_pose) != len(self.joints):
             raise ConfigError(f"machine {self.name}: zero_pose must hold {len(self.joints)} values [deg, m]")
+
+        self._check_shapes()
+
+    def _check_shapes(self) -> None:
+        """Check that shapes belong to the machine's joints and pairs to its shapes."""
+        names = [capsule.name for capsule in self.capsules]
+        if len(set(names)) != len(names):
+            raise ConfigError(f"machine {self.name}: two capsules of one name among {names}")
+        for capsule in self.capsules:
+            if capsule.joint > len(self.joints):
+                raise ConfigError(
+                    f"machine {self.name}: capsule {capsule.name} joint {capsule.joint}, "
+                    f"allowed 0..{len(self.joints)}"
+                )
+        for box in self.carrier:
+            if not all(low < high for low, high in zip(box.low, box.high, strict=True)):
+                raise ConfigError(f"machine {self.name}: carrier {box.name} low must lie below high")
+        for pair in self.self_pairs:
+            if not set(pair) <= set(names) or pair[0] == pair[1]:
+                raise ConfigError(f"machine {self.name}: self_pairs {pair} must name two of {names}")
+        model = self.clearance
+        if model is not None and not model.least <= model.wanted <= model.soft:
+            raise ConfigError(f"machine {self.name}: clearance needs least <= wanted <= soft")
 
     def _check_joint(self, number: int, joint: Revolute | Prismatic) -> None:
         who = f"machine {self.name}: joint {number} {joint.name}"

@@ -1,9 +1,11 @@
-"""Say why a path point has no solution: the limit that stands in the way, and by how much."""
+"""Say why a path point has no solution: the limit that stands in the way, and by how much, or what it would hit."""
 
 import numpy as np
 
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, JointInfo
+from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.obstacle import Obstacles
 
 NO_POSTURE = "out of reach: no posture brings the nozzle to this position and direction"
 """Reason of a point at which the closed form has no real solution anywhere on the grid."""
@@ -19,24 +21,33 @@ def limit_excess(arm: Arm, q: Array) -> Array:
     return over / (arm.limit_upper - arm.limit_lower)
 
 
-def explain_failure(arm: Arm, q: Array) -> str:
-    """Name the limit that a point's least bad solution breaks.
+def explain_failure(arm: Arm, q: Array, obstacles: Obstacles | None = None) -> str:
+    """Name the limit that a point's least bad solution breaks, or what it would hit.
 
     Args:
         arm: The arm.
         q: The real solution that leaves the ranges least, NaN if there is none, shape (joints,).
+        obstacles: The surroundings, if they were looked at.
 
     Returns:
-        One line: joint, value needed, range, by how much.
+        One line: joint, value needed, range, by how much; or link, obstacle, distance, place.
     """
     if not np.isfinite(q).all():
         return NO_POSTURE
     share = limit_excess(arm, q)
     i = int(share.argmax())
     if not share[i] > 0.0:
-        return NOT_KEPT
+        return NOT_KEPT if obstacles is None else _describe_hit(arm, q, obstacles)
     joint = arm.joints[i]
     return _describe(joint, float(arm.limit_matrix[i] @ q), float(share[i]) * (joint.upper - joint.lower))
+
+
+def _describe_hit(arm: Arm, q: Array, obstacles: Obstacles) -> str:
+    """Say what the point's best posture is near to; that it was not kept if it keeps clear."""
+    model, near = arm.description.clearance, clearance(arm, q, obstacles)
+    if model is None or near.distance[0] >= model.least:
+        return NOT_KEPT
+    return f"would hit: {near.describe(arm, 0)}, at least {model.least:g} m is kept"
 
 
 def _describe(joint: JointInfo, value: float, over: float) -> str:

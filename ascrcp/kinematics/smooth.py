@@ -10,10 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solveh_banded
 
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.barrier import Barrier, Sight
 from ascrcp.kinematics.description import PathModel
 from ascrcp.kinematics.task import compute_error, project_task
 
@@ -35,6 +37,18 @@ GAIN = 1e-4
 
 NEAREST = 0.05
 """Distances between points count as at least this [m]: table rows may coincide."""
+
+
+@dataclass(frozen=True)
+class Keeper:
+    """What keeps a chain clear: the barrier and the emphasis of its links at every point, (n, c)."""
+
+    barrier: Barrier
+    emphasis: Array
+
+    def pick(self, rows: NDArray[np.int64]) -> "Keeper":
+        """Return the keeper of some of the points."""
+        return Keeper(self.barrier, self.emphasis[rows])
 
 
 @dataclass(frozen=True)
@@ -80,7 +94,14 @@ def own_cost(arm: Arm, cost: Cost, q: Array) -> Array:
 
 
 def smooth_round(
-    arm: Arm, cost: Cost, T: Array, q: Array, distance: Array, curvature: float, damping: float
+    arm: Arm,
+    cost: Cost,
+    T: Array,
+    q: Array,
+    distance: Array,
+    curvature: float,
+    damping: float,
+    push: tuple[Array, Array] | None = None,
 ) -> Array:
     """Do one Gauss-Newton round.
 
@@ -92,6 +113,7 @@ def smooth_round(
         distance: Distance from the point before [m], infinite where the chain is cut, shape (n,).
         curvature: Weight of the squared second difference by distance [m].
         damping: Weight of the change itself, against staying [1/m].
+        push: Further terms of the points by themselves: blocks (n, joints, joints), gradient (n, joints).
 
     Returns:
         Better joint vectors, shape (n, joints).
@@ -104,6 +126,9 @@ def smooth_round(
     limit_blocks, limit_gradient = _limit_terms(arm, cost, q)
     blocks += limit_blocks
     gradient += limit_gradient
+    if push is not None:
+        blocks += push[0]
+        gradient += push[1]
     pull, first, second = _difference_terms(q, distance, curvature)
     gradient += cost.metric * pull[1]
     idx = np.arange(joints)
@@ -136,6 +161,7 @@ def smooth_chain(
     curvature: float,
     rounds: int,
     report: Callable[[int], None],
+    keeper: Keeper | None = None,
 ) -> Array:
     """Smooth a chain until it gains no more: Levenberg's damping around `smooth_round`.
 
@@ -150,25 +176,37 @@ def smooth_chain(
         curvature: Weight of the squared second difference [m].
         rounds: Largest number of rounds.
         report: Called with the number of rounds done; may raise to stop.
+        keeper: What keeps the chain clear, None for nothing.
 
     Returns:
         Joint vectors on their targets, shape (n, joints).
     """
+
+    def judge(q: Array) -> tuple[float, Sight | None]:
+        travel = total_cost(arm, cost, q, distance, curvature)
+        if keeper is None:
+            return travel, None
+        sight = keeper.barrier.look(q)
+        return travel + float(keeper.barrier.cost(sight, keeper.emphasis).sum()), sight
+
     q = project_task(arm, T, q, cost.metric)
-    best, damping = total_cost(arm, cost, q, distance, curvature), FIRST_DAMPING
+    (best, sight), damping = judge(q), FIRST_DAMPING
+    push = None
     for done in range(1, rounds + 1):
         report(done)
+        if keeper is not None and sight is not None and push is None:
+            push = keeper.barrier.terms(q, sight, keeper.emphasis)
         try:
-            trial = smooth_round(arm, cost, T, q, distance, curvature, damping)
+            trial = smooth_round(arm, cost, T, q, distance, curvature, damping, push)
         except np.linalg.LinAlgError:  # not positive definite by rounding: more damping mends it
             damping *= 8.0
             continue
         trial = project_task(arm, T, trial, cost.metric, rounds=2)
-        reached = total_cost(arm, cost, trial, distance, curvature)
+        reached, seen = judge(trial)
         if not reached < best:
             damping *= 8.0
             continue
-        gain, best, q = best - reached, reached, trial
+        gain, best, q, sight, push = best - reached, reached, trial, seen, None
         damping /= 4.0
         if gain < GAIN * best:
             break

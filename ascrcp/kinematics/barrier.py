@@ -1,0 +1,94 @@
+"""Push a chain of joint vectors away from what it would come near: the clearance part of smoothing."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.capsule import Body, make_body
+from ascrcp.kinematics.clearance import ROUGH_SPREAD, link_distances
+from ascrcp.kinematics.obstacle import Obstacles
+
+BLOCK = 512
+"""Joint vectors looked at at once: their samples stay in the cache."""
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How near every link of every joint vector is.
+
+    Attributes:
+        distance: From each capsule's surface to the surroundings [m], shape (n, c).
+        centre: The sample of its axis that is nearest, base frame [m], shape (n, c, 3).
+    """
+
+    distance: Array
+    centre: Array
+
+
+@dataclass(frozen=True)
+class Barrier:
+    """A soft wall: the squared depth of every link below a distance, times a weight.
+
+    Attributes:
+        arm: The arm.
+        body: Its capsules, sparsely sampled.
+        obstacles: The surroundings.
+        soft: Distance below which it pushes [m].
+        weight: Cost of a squared metre.
+    """
+
+    arm: Arm
+    body: Body
+    obstacles: Obstacles
+    soft: float
+    weight: float
+
+    def look(self, q: Array) -> Sight:
+        """Measure every link at joint vectors (n, joints)."""
+        parts = [self._look(q[i : i + BLOCK]) for i in range(0, max(len(q), 1), BLOCK)]
+        return Sight(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+    def _look(self, q: Array) -> tuple[Array, Array]:
+        placed = self.body.place(self.arm, q)
+        distance, nearest = link_distances(self.body, placed, self.obstacles)
+        return distance, np.take_along_axis(placed, nearest[..., None], axis=1)
+
+    def cost(self, sight: Sight, emphasis: Array) -> Array:
+        """Cost of each joint vector; emphasis (n, c) multiplies the weight; shape (n,)."""
+        depth = np.maximum(self.soft - sight.distance, 0.0)
+        return np.asarray((self.weight * emphasis * depth**2).sum(axis=1))
+
+    def terms(self, q: Array, sight: Sight, emphasis: Array) -> tuple[Array, Array]:
+        """Linearise the cost: half its second derivative (n, joints, joints) and gradient (n, joints)."""
+        blocks, slope = np.zeros((len(q), self.arm.n, self.arm.n)), np.zeros(q.shape)
+        rows, links = np.nonzero(sight.distance < self.soft)
+        if not len(rows):
+            return blocks, slope
+        near, place = np.unique(rows, return_inverse=True)
+        centre = sight.centre[rows, links]
+        out = self.obstacles.direction(centre)
+        J = self.arm.jacobian(q[near])[place]
+        tool = self.arm.forward(q[near])[place, :3, 3]
+        # a point carried by joint k: dp = Jv dq + w x (p - tool), of the joints up to k
+        turn = np.cross(centre - tool, out)
+        row = np.einsum("mi,mij->mj", out, J[:, :3]) + np.einsum("mi,mij->mj", turn, J[:, 3:])
+        row[np.arange(self.arm.n) >= self.body.joint[links][:, None]] = 0.0
+        stiff = self.weight * emphasis[rows, links]
+        depth = self.soft - sight.distance[rows, links]
+        np.add.at(blocks, rows, stiff[:, None, None] * row[:, :, None] * row[:, None, :])
+        np.add.at(slope, rows, -(stiff * depth)[:, None] * row)
+        return blocks, slope
+
+
+def make_barrier(arm: Arm, obstacles: Obstacles) -> Barrier:
+    """Take the weights of a machine; its clearance model made the obstacles, so it has one."""
+    model = arm.description.clearance
+    assert model is not None
+    return Barrier(arm, make_body(arm, ROUGH_SPREAD), obstacles, model.soft, model.weight)
+
+
+def no_emphasis(barrier: Barrier, n: int) -> Array:
+    """Emphasis one for every link of n joint vectors."""
+    return np.ones((n, len(barrier.body.names)))

@@ -1,0 +1,143 @@
+"""Clearance of the arm: joint vectors + Obstacles -> signed distance and closest pair."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ascrcp.core.errors import InputError
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.capsule import Body, between_segments, make_body
+from ascrcp.kinematics.obstacle import Obstacle, Obstacles
+
+BLOCK = 512
+"""Joint vectors looked at at once: their samples stay in the cache."""
+
+ROUGH_SPREAD = 2.0
+"""Spacing of the samples of a rough look, over the usual one."""
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Closest pair of each joint vector.
+
+    Attributes:
+        distance: Between the surfaces of link and obstacle [m], negative inside, shape (n,).
+        link: Index of the capsule in the machine file, shape (n,).
+        obstacle: `Obstacle`, shape (n,).
+        point_a: On the link's surface, base frame [m], shape (n, 3).
+        point_b: On the obstacle, shape (n, 3).
+    """
+
+    distance: Array
+    link: NDArray[np.int64]
+    obstacle: NDArray[np.int64]
+    point_a: Array
+    point_b: Array
+
+    def describe(self, arm: Arm, i: int) -> str:
+        """Say one row in a line: which link, what it would meet, how near, where."""
+        x, y, z = self.point_b[i].tolist()
+        name = arm.description.capsules[int(self.link[i])].name
+        what = Obstacle(int(self.obstacle[i])).name.lower()
+        how = (
+            f"{self.distance[i]:.2f} m from" if self.distance[i] >= 0.0 else f"{-self.distance[i]:.2f} m into"
+        )
+        return f"{name} {how} the {what} at ({x:.2f}, {y:.2f}, {z:.2f}) m"
+
+
+def clearance(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Clearance:
+    """Measure the clearance of joint vectors against heading, carrier and the arm itself.
+
+    Args:
+        arm: An arm with capsules.
+        q: Joint vectors [rad, m], shape (joints,) or (n, joints).
+        obstacles: The surroundings.
+
+    Raises:
+        InputError: Wrong shape, NaN, or an arm without capsules.
+    """
+    q = np.asarray(q, dtype=float)
+    if q.ndim not in (1, 2) or q.shape[-1] != arm.n or not np.isfinite(q).all():
+        raise InputError(f"joint vectors must be finite with shape (n, {arm.n}), not {q.shape}")
+    q = q.reshape(-1, arm.n)
+    body = make_body(arm)
+    parts = [_measure(arm, body, q[i : i + BLOCK], obstacles) for i in range(0, max(len(q), 1), BLOCK)]
+    return Clearance(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def rough_clearance(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
+    """Measure quickly and roughly, the arm itself left out, for searches over many; (n, joints) -> (n,) [m]."""
+    body = make_body(arm, ROUGH_SPREAD)
+    found = np.empty(len(q))
+    for i in range(0, len(q), BLOCK):
+        placed = body.place(arm, q[i : i + BLOCK])
+        moving = body.is_moving[body.owner]
+        near = obstacles.near(placed[:, moving]) - body.radius[body.owner[moving]]
+        found[i : i + BLOCK] = near.min(axis=1, initial=np.inf)
+    return found
+
+
+def link_distances(body: Body, placed: Array, obstacles: Obstacles) -> tuple[Array, NDArray[np.int64]]:
+    """Find every capsule's nearest sample to the surroundings.
+
+    Args:
+        body: The capsules.
+        placed: Their samples, shape (n, m, 3).
+        obstacles: The surroundings.
+
+    Returns:
+        Distances from the capsule's surface [m], infinite for those that stay with the carrier, shape
+        (n, c), and the samples' indices, shape (n, c).
+    """
+    moving = body.is_moving[body.owner]
+    distance = np.full(placed.shape[:2], np.inf)
+    distance[:, moving] = obstacles.distance(placed[:, moving]) - body.radius[body.owner[moving]]
+    ends = [*body.first.tolist(), len(body.owner)]
+    at = [distance[:, a:b].argmin(axis=1) + a for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    nearest = np.stack(at, axis=1)
+    return np.take_along_axis(distance, nearest, axis=1), nearest
+
+
+def _measure(
+    arm: Arm, body: Body, q: Array, obstacles: Obstacles
+) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], Array, Array]:
+    rows = np.arange(len(q))
+    placed = body.place(arm, q)
+    distance, nearest = link_distances(body, placed, obstacles)
+    link = distance.argmin(axis=1)
+    best = distance[rows, link]
+    centre = placed[rows, nearest[rows, link]]
+    direction, kind = obstacles.direction(centre), obstacles.kind_at(centre).astype(np.int64)
+    radius = body.radius[link]
+    a = centre - radius[:, None] * direction
+    b = centre - (best + radius)[:, None] * direction
+    own, pair, on_a, on_b = _self_distance(arm, body, q)
+    mine = own < best
+    return (
+        np.where(mine, own, best),
+        np.where(mine, pair, link),
+        np.where(mine, int(Obstacle.ARM), kind),
+        np.where(mine[:, None], on_a, a),
+        np.where(mine[:, None], on_b, b),
+    )
+
+
+def _self_distance(arm: Arm, body: Body, q: Array) -> tuple[Array, NDArray[np.int64], Array, Array]:
+    """Distance of the nearest pair of links (n,), the pair's first link (n,), points on both (n, 3)."""
+    if not len(body.pairs):
+        nowhere = np.zeros((len(q), 3))
+        return np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64), nowhere, nowhere
+    rows = np.arange(len(q))
+    start, end = body.segments(arm, q)
+    i, j = body.pairs.T
+    on_a, on_b = between_segments(start[:, i], end[:, i], start[:, j], end[:, j])
+    gap = on_b - on_a
+    length = np.linalg.norm(gap, axis=-1)
+    distance = length - body.radius[i] - body.radius[j]
+    best = distance.argmin(axis=1)
+    unit = gap[rows, best] / np.maximum(length[rows, best], 1e-12)[:, None]
+    a = on_a[rows, best] + body.radius[i[best]][:, None] * unit
+    b = on_b[rows, best] - body.radius[j[best]][:, None] * unit
+    return distance[rows, best], i[best], a, b

@@ -1,0 +1,260 @@
+"""What the arm may hit: Surface -> distance field of heading and carrier.
+
+Wall (as the scan unrolled it), arches, floor, face, bodies and the carrier are put on a grid over the
+tunnel frame, which holds the signed distance to the nearest of them, negative inside. One look-up costs
+the same whatever the scan's size. `room.py` makes the heading's surface.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.ndimage import distance_transform_edt, label, map_coordinates, maximum
+
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import Label, Surface
+from ascrcp.core.geometry import Array, apply_transform, inverse_transform
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.capsule import make_body
+from ascrcp.kinematics.room import Room
+
+BEHIND = -4.0
+"""Station at which the field begins [m]: behind joint 1. Further back the tunnel goes on the same."""
+
+BEYOND = 0.6
+"""How far the field reaches into the rock [m]."""
+
+BODY_INSIDE = 0.3
+"""Points this far inside the wall that are neither floor nor face belong to a body [m]."""
+
+BODY_CELL = 0.2
+"""Side of the cells that are joined into bodies [m]."""
+
+BODY_DENSITY = 4
+"""Cells with fewer points than this hold dust: what it returns is thin and spread through the air."""
+
+BODY_POINTS = 30
+"""Fewer points than this in one piece are no body."""
+
+BODY_WIDTH = 0.25
+"""A body is wider than this in the level [m]; falling water is not."""
+
+CARRIER_REACH = 1.5
+"""How far round the carrier its distance is entered [m]: beyond, nothing asks for it."""
+
+OUTLINE = 400
+"""Points of the design line that give the field's extent."""
+
+OWN_MARGIN = 0.35
+"""Points this near the arm where it scanned are the arm's own [m]: hoses and cables are not modelled."""
+
+
+class Obstacle(IntEnum):
+    """What a link is nearest to."""
+
+    WALL = 0
+    ARCH = 1
+    FLOOR = 2
+    FACE = 3
+    BODY = 4
+    CARRIER = 5
+    ARM = 6
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """The surroundings of the arm.
+
+    Attributes:
+        T_tunnel_base: Into the field's frame, shape (4, 4).
+        low: Its first node (s, y, z) [m], shape (3,).
+        cell: Its spacing [m].
+        field: Signed distance at the nodes [m], shape (ns, ny, nz).
+        kind: `Obstacle` nearest to each node, shape (ns, ny, nz).
+    """
+
+    T_tunnel_base: Array
+    low: Array
+    cell: float
+    field: NDArray[np.float32]
+    kind: NDArray[np.uint8]
+
+    @classmethod
+    def from_surface(cls, surface: Surface, arm: Arm, scan_q: ArrayLike | None = None) -> "Obstacles":
+        """Build the field of a recognised heading.
+
+        Wall that was not seen takes the nearest that was; behind the scanned part the arch line stands
+        for the sprayed lining, which covers the arches.
+
+        Args:
+            surface: The heading.
+            arm: For its carrier and the spacing of the field.
+            scan_q: Joints at which it was scanned, whose own points are left out; the zero pose if None.
+
+        Raises:
+            InputError: A wall without any value, or an arm without a clearance model.
+        """
+        model = arm.description.clearance
+        if model is None:
+            raise InputError(f"machine {arm.name} has no clearance model")
+        outline = surface.profile.point(np.linspace(0.0, surface.profile.length, OUTLINE))
+        deep = float(np.nanmax(surface.offset, initial=0.0)) + BEYOND
+        low = np.array([BEHIND, *(outline.min(axis=0) - deep)])
+        high = np.array([surface.unsprayed[1] + BEYOND, *(outline.max(axis=0) + deep)])
+        counts = (np.ceil((high - low) / model.cell).astype(int) + 1).tolist()
+        axes = [first + model.cell * np.arange(count) for first, count in zip(low, counts, strict=True)]
+        room = Room(surface, axes[0], axes[1], axes[2])
+        bodies = _find_bodies(surface, room, arm, arm.zero_pose if scan_q is None else scan_q)
+        parts = [(room.wall_points(), Obstacle.WALL), (room.arch_points(), Obstacle.ARCH)]
+        parts += [(room.floor_points(), Obstacle.FLOOR), (room.face_points(), Obstacle.FACE)]
+        parts.append((bodies, Obstacle.BODY))
+        points = np.concatenate([part for part, _ in parts])
+        kinds = np.repeat(np.array([k for _, k in parts], np.uint8), [len(part) for part, _ in parts])
+        field, kind = _spread(points, kinds, low, tuple(counts), model.cell)
+        field[room.is_solid()] *= -1.0
+        T_base_tunnel = surface.axis.T_base_tunnel
+        for box in arm.description.carrier:
+            _put_box(field, kind, axes, T_base_tunnel, np.array([box.low, box.high]))
+        return cls(inverse_transform(T_base_tunnel), low, model.cell, field, kind)
+
+    def distance(self, points: Array) -> Array:
+        """Read the distance of base-frame points (..., 3) to the heading, linear between nodes; (...)."""
+        u = self._nodes(points.reshape(-1, 3))
+        found = map_coordinates(self.field, u.T, order=1, mode="nearest", prefilter=False)
+        return np.asarray(found, dtype=float).reshape(points.shape[:-1])
+
+    def near(self, points: Array) -> Array:
+        """Read the distance at the nearest node: quick, wrong by up to half a cell's diagonal; (...)."""
+        index = self._index(points.reshape(-1, 3))
+        return self.field.reshape(-1)[index].reshape(points.shape[:-1]).astype(float)
+
+    def kind_at(self, points: Array) -> NDArray[np.uint8]:
+        """Tell what points (m, 3) of the base frame are nearest to."""
+        return np.asarray(self.kind.reshape(-1)[self._index(points)])
+
+    def direction(self, points: Array) -> Array:
+        """Return the unit direction away from what points (m, 3) are nearest to, base frame."""
+        u = self._nodes(points)
+        step = 0.5
+        slope = np.empty((len(points), 3))
+        for axis in range(3):
+            shift = np.zeros(3)
+            shift[axis] = step
+            ahead, behind = (
+                map_coordinates(self.field, (u + sign * shift).T, order=1, mode="nearest", prefilter=False)
+                for sign in (1.0, -1.0)
+            )
+            slope[:, axis] = ahead - behind
+        size = np.linalg.norm(slope, axis=1, keepdims=True)
+        slope = np.divide(slope, size, out=np.zeros_like(slope), where=size > 0.0)
+        return slope @ self.T_tunnel_base[:3, :3]
+
+    def _nodes(self, points: Array) -> Array:
+        return (apply_transform(self.T_tunnel_base, points) - self.low) / self.cell
+
+    def _index(self, points: Array) -> NDArray[np.int64]:
+        i = np.rint(self._nodes(points)).astype(np.int64)
+        shape = self.field.shape
+        i = np.clip(i, 0, np.array(shape) - 1)
+        return np.asarray((i[:, 0] * shape[1] + i[:, 1]) * shape[2] + i[:, 2])
+
+
+def _find_bodies(surface: Surface, room: Room, arm: Arm, scan_q: ArrayLike) -> Array:
+    """Find points of vehicles, people and muck: well inside the wall, in one piece, not the arm's own.
+
+    Returns:
+        Tunnel frame [m], shape (n, 3).
+    """
+    points = surface.points[surface.labels == Label.OTHER].astype(float)
+    local = apply_transform(inverse_transform(surface.axis.T_base_tunnel), points)
+    keep = room.inside(local) > BODY_INSIDE
+    keep[keep] = ~_is_own(points[keep], arm, np.asarray(scan_q, dtype=float))
+    local = local[keep]
+    if not len(local):
+        return local
+    cell = np.floor((local - local.min(axis=0)) / BODY_CELL).astype(np.int64)
+    shape = tuple((cell.max(axis=0) + 1).tolist())
+    count = np.bincount(np.ravel_multi_index(tuple(cell.T), shape), minlength=int(np.prod(shape)))
+    piece = label(count.reshape(shape) >= BODY_DENSITY, np.ones((3, 3, 3)))[0][tuple(cell.T)]
+    size = np.bincount(piece)
+    size[0] = 0
+    ends = [maximum(local[:, k], piece, np.arange(len(size))) for k in (0, 1)]
+    starts = [-maximum(-local[:, k], piece, np.arange(len(size))) for k in (0, 1)]
+    width = np.max([end - start for end, start in zip(ends, starts, strict=True)], axis=0)
+    return np.asarray(local[((size >= BODY_POINTS) & (width > BODY_WIDTH))[piece]])
+
+
+def _is_own(points: Array, arm: Arm, q: Array) -> NDArray[np.bool_]:
+    """Mark base-frame points (n, 3) that lie on the arm itself at joints q."""
+    start, end = (ends[0] for ends in make_body(arm).segments(arm, q[None]))
+    own = np.zeros(len(points), dtype=bool)
+    for a, b, capsule in zip(start, end, arm.description.capsules, strict=True):
+        along = np.clip((points - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-12), 0.0, 1.0)
+        off = points - (a + along[:, None] * (b - a))
+        own |= np.linalg.norm(off, axis=1) < capsule.radius + OWN_MARGIN
+    return own
+
+
+def box_distance(box: Array, points: Array) -> Array:
+    """Signed distances of points (..., 3) to a box given by two corners (2, 3) [m], shape (...)."""
+    over = np.abs(points - box.mean(axis=0)) - (box[1] - box[0]) / 2
+    outside = np.linalg.norm(np.maximum(over, 0.0), axis=-1)
+    return np.asarray(outside + np.minimum(over.max(axis=-1), 0.0))
+
+
+def _put_box(
+    field: NDArray[np.float32],
+    kind: NDArray[np.uint8],
+    axes: Sequence[Array],
+    T_base_tunnel: Array,
+    box: Array,
+) -> None:
+    """Lay a box of the carrier over the field in place, as far round it as matters."""
+    corners = np.array([[box[i, 0], box[j, 1], box[k, 2]] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
+    local = apply_transform(inverse_transform(T_base_tunnel), corners)
+    first = [
+        int(np.searchsorted(axis, c - CARRIER_REACH)) for axis, c in zip(axes, local.min(0), strict=True)
+    ]
+    last = [int(np.searchsorted(axis, c + CARRIER_REACH)) for axis, c in zip(axes, local.max(0), strict=True)]
+    cut = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+    nodes = np.stack(np.meshgrid(*(axis[c] for axis, c in zip(axes, cut, strict=True)), indexing="ij"), -1)
+    distance = box_distance(box, apply_transform(T_base_tunnel, nodes.reshape(-1, 3))).reshape(
+        nodes.shape[:3]
+    )
+    nearer = distance < field[cut]
+    field[cut] = np.where(nearer, distance, field[cut])
+    kind[cut] = np.where(nearer, np.uint8(Obstacle.CARRIER), kind[cut])
+
+
+def _spread(
+    points: Array, kinds: NDArray[np.uint8], low: Array, shape: tuple[int, ...], cell: float
+) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
+    """Compute each node's distance to the nearest point, and that point's kind.
+
+    The nearest occupied node is found by an exact distance transform; the distance is then taken to the
+    point that stands for it, so that the grid's rounding does not enter.
+    """
+    u = np.rint((points - low) / cell).astype(np.int64)
+    inside = ((u >= 0) & (u < np.array(shape))).all(axis=1)
+    points, kinds, u = points[inside], kinds[inside], u[inside]
+    node = (u[:, 0] * shape[1] + u[:, 1]) * shape[2] + u[:, 2]
+    off = ((points - low) / cell - u) ** 2
+    order = np.lexsort((off.sum(axis=1), node))
+    node, first = np.unique(node[order], return_index=True)
+    chosen = order[first]
+    free = np.ones(shape, dtype=bool)
+    free.reshape(-1)[node] = False
+    nearest = distance_transform_edt(free, return_distances=False, return_indices=True)
+    at = ((nearest[0] * shape[1] + nearest[1]) * shape[2] + nearest[2]).astype(np.int32)
+    del nearest
+    owner = np.zeros(free.size, dtype=np.int32)
+    owner[node] = chosen
+    who = owner[at]
+    square = np.zeros(shape, dtype=np.float32)
+    for axis in range(3):
+        nodes = (low[axis] + cell * np.arange(shape[axis])).astype(np.float32)
+        nodes = nodes.reshape([-1 if k == axis else 1 for k in range(3)])
+        square += (points[:, axis].astype(np.float32)[who] - nodes) ** 2
+    return np.sqrt(square, out=square), kinds[who]
