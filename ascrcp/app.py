@@ -142,6 +142,7 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     codec = Codec(DBC)
     _check_bus(can)
     round_ = open_round(folder, rounds)
+    round_.check_machine(options.machine)
     server = None
     if options.cloud is None:
         heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)

@@ -38,17 +38,18 @@ class Desk:
         self.collector = TraceCollector(session.arm.n)
         self.timing: dict[str, tuple[float, float]] = {}
         self.result: dict[str, Any] = {}
-        self.unsolved = 0
+        self.planned = 0
 
     def nozzle(self, q: Array) -> Array:
         """Nozzle pose the measured joints mean, with the sag of the boom; (8,) -> (4, 4)."""
         setup = self.session.setup
         return sagged_forward(setup.arm, q, setup.payload_kg)
 
-    def load(self, sequence: JointSequence) -> None:
+    def load(self, loaded: stages.Loaded) -> None:
         """Keep a checked sequence, to be run from its beginning."""
-        self.sequence = sequence
-        self.points = int((sequence.point >= 0).sum())
+        self.sequence = loaded.sequence
+        self.planned = loaded.planned
+        self.points = int((loaded.sequence.point >= 0).sum())
         self.begin_again()
 
     def begin_again(self) -> None:
@@ -104,7 +105,7 @@ class Desk:
         session.round.write_trace(trace)
         self.result = {
             "points": {
-                "planned": self.points + self.unsolved,
+                "planned": self.planned,
                 "reached": self.reached,
                 "skipped": self.skipped,
             },
@@ -172,7 +173,6 @@ def recognise_and_solve(desk: Desk) -> None:
             share=(0.75, 1.0),
         )
     session.show(solved=solution.solved)
-    desk.unsolved = int((~solution.solved).sum())
     session.announce(
         f"Joints solved: {int(solution.solved.sum())} of {len(solution.solved)} points.",
         f"运动学解算完成：{int(solution.solved.sum())}/{len(solution.solved)} 个点。",
@@ -183,13 +183,13 @@ def load_sequence(desk: Desk) -> None:
     """读取数据: read the joint sequence, check it whole (thesis 5.3), keep it for the tracker."""
     session, setup = desk.session, desk.session.setup
     session.stage("Loading the joint sequence", "正在读取关节序列")
-    sequence = session.run_compute(
-        stages.load, session.round.need("joints", "solve"), setup.machine, setup.planning, share=(0.0, 1.0)
+    loaded = session.run_compute(
+        stages.load, session.round.folder, setup.machine, setup.planning, share=(0.0, 1.0)
     )
-    desk.load(sequence)
+    desk.load(loaded)
     session.announce(
-        f"Joint sequence loaded: {desk.points} points, {sequence.duration:.0f} s.",
-        f"关节序列已读取：{desk.points} 个点，{sequence.duration:.0f} 秒。",
+        f"Joint sequence loaded: {desk.points} points, {loaded.sequence.duration:.0f} s.",
+        f"关节序列已读取：{desk.points} 个点，{loaded.sequence.duration:.0f} 秒。",
     )
 
 

@@ -57,6 +57,16 @@ class Round:
         """Add to what the round was made with."""
         write_json(self._manifest, {**self.manifest(), **values})
 
+    def check_machine(self, machine: str) -> None:
+        """Refuse a round that was solved for another machine (fault F41).
+
+        Raises:
+            InputError: Naming both.
+        """
+        solved_for = self.manifest().get("machine", machine)
+        if self.joints.exists() and solved_for != machine:
+            raise InputError(f"{self.folder}: solved for machine {solved_for}, not {machine}")
+
     def forget(self, *names: str) -> None:
         """Remove results that a new run of an earlier stage makes untrue."""
         for name in names:

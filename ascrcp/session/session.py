@@ -43,7 +43,7 @@ class Session:
         self.round = round_
         self.setup = setup
         self._lock = threading.Lock()
-        self._job = JobState()
+        self._job = JobState(done=frozenset({Step.RECOGNISE} if round_.joints.exists() else ()))
         self._latest: CycleOutput | None = None
         self._announcements: tuple[Announcement, ...] = ()
         self._scene = Scene()

@@ -107,9 +107,19 @@ def solve(
     return Solution(found.solved, found.reasons, sequence.duration)
 
 
-def load(place: Path, machine: str, config: PlanningParameters, progress: Progress = _quiet) -> JointSequence:
+@dataclass(frozen=True)
+class Loaded:
+    """A checked sequence and the number of points that were planned, solved or not."""
+
+    sequence: JointSequence
+    planned: int
+
+
+def load(folder: Path, machine: str, config: PlanningParameters, progress: Progress = _quiet) -> Loaded:
     """joints.csv -> a sequence checked whole against the arm (thesis 5.3)."""
-    sequence = read_joints(place)
+    round_ = Round(folder)
+    sequence = read_joints(round_.need("joints", "solve"))
     progress(0.6)
     check_sequence(load_arm(machine), sequence, config.check).require()
-    return sequence
+    planned = len(read_path(round_.path)) if round_.path.exists() else int((sequence.point >= 0).sum())
+    return Loaded(sequence, planned)

@@ -19,7 +19,9 @@ def ascrcp(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedP
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     environment.pop("QT_QPA_PLATFORM", None)
     command = [sys.executable, "-m", "ascrcp", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, env=environment, cwd=cwd, timeout=280)
+    return subprocess.run(
+        command, capture_output=True, text=True, check=False, env=environment, cwd=cwd, timeout=280
+    )
 
 
 def run_job(folder: Path, seed: int = 5, *more: object) -> dict[str, Any]:
