@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.geometry import Array, rotation, transform
 from ascrcp.kinematics.bucket import BucketInverse
-from ascrcp.kinematics.chain import Walk, compile_chain, pack_transform, walk_chain
+from ascrcp.kinematics.chain import Op, Walk, compile_chain, pack_transform, walk_chain
 from ascrcp.kinematics.description import ArmDescription, Mount, Prismatic, Revolute, load_description
 from ascrcp.kinematics.inverse import SprayInverse
 from ascrcp.kinematics.pose import split_poses
@@ -195,6 +195,11 @@ class Arm:
             valid.reshape(count, -1).T,
             inside.reshape(count, -1).T,
         )
+
+    @property
+    def chain(self) -> tuple[Op, ...]:
+        """The elementary motions from base to tool."""
+        return self._chain
 
     @property
     def held(self) -> tuple[int, ...]:
