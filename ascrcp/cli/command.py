@@ -12,10 +12,12 @@ from ascrcp.app import find_profile, load_simulation, open_replay
 from ascrcp.app import open_session as open_app_session
 from ascrcp.cli.arm import forward, inverse, machines
 from ascrcp.cli.bench import bench
+from ascrcp.cli.calibrate import calibrate_machine
 from ascrcp.cli.doctor import doctor
 from ascrcp.cli.output import FAILED, OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.table import result_table
+from ascrcp.cli.workspace import workspace
 from ascrcp.core.errors import AscrcpError, InputError
 from ascrcp.perception.parameter import load_parameters as load_perception
 from ascrcp.planning.parameter import load_parameters as load_planning
@@ -212,6 +214,8 @@ COMMANDS: dict[str, Callable[[Options, Output], int]] = {
     "fk": forward,
     "ik": inverse,
     "machines": machines,
+    "calibrate": calibrate_machine,
+    "workspace": workspace,
     "doctor": doctor,
     "bench": bench,
 }

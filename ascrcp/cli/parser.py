@@ -7,6 +7,8 @@ from ascrcp import __version__
 
 Options = argparse.Namespace
 
+BENCHES = ("kinematics", "proof")
+
 
 def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
     """Add the common options; a stage's own leave alone what was given before its name."""
@@ -92,9 +94,39 @@ def build_parser() -> argparse.ArgumentParser:
             stage.add_argument(
                 "input", nargs="?", default=None, metavar="JSON", help="JSON text; standard input if left out"
             )
+        if name == "machines":
+            stage.add_argument("--urdf", type=Path, default=None, metavar="DIR", help="write NAME.urdf and NAME.srdf there")
         if name == "bench":
-            stage.add_argument("which", nargs="?", default="all", choices=("all", "kinematics"))
+            stage.add_argument("which", nargs="?", default="all", choices=("all", *BENCHES))
+        if name == "calibrate":
+            _calibration(stage)
+        if name == "workspace":
+            _workspace(stage)
     return parser
+
+
+def _calibration(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument(
+        "--data", type=Path, required=True, metavar="FILE", help="CSV of joint readings and surveyed points"
+    )
+    stage.add_argument("--out", type=Path, required=True, metavar="YAML", help="the new machine file")
+    stage.add_argument(
+        "--fit",
+        action="append",
+        choices=("zeros", "lengths", "sag"),
+        help="only this group; may be repeated",
+    )
+    stage.add_argument(
+        "--hold", action="append", metavar="NAME", help="leave a parameter as it is; may be repeated"
+    )
+    stage.add_argument(
+        "--simulate", type=_natural, metavar="N", help="first survey N poses of the simulated rig into FILE"
+    )
+
+
+def _workspace(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument("--round", type=Path, metavar="DIR", help="recognised round: the map of its wall")
+    stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where map and pictures go")
 
 
 _STAGES: tuple[tuple[str, str, bool | None], ...] = (
@@ -108,6 +140,8 @@ _STAGES: tuple[tuple[str, str, bool | None], ...] = (
     ("fk", "joints -> nozzle pose", None),
     ("ik", "nozzle pose -> every joint solution", None),
     ("machines", "list the arms", None),
+    ("calibrate", "measured tip positions -> machine file with fitted zeros, lengths and sag", None),
+    ("workspace", "what the arm reaches, and how much of a heading from this parking place", None),
     ("doctor", "say what is missing on this computer", None),
     ("bench", "measure figures beside peers", None),
 )

@@ -265,3 +265,14 @@ def _keeps_closed_form(arm: Arm, parameter: Parameter) -> bool:
 
 def _has_closed_form(description: ArmDescription) -> bool:
     return SprayInverse.fit(description) is not None or BucketInverse.fit(description) is not None
+
+
+def find_joint_zero(arm: Arm) -> Array:
+    """Return what a calibration says must be added to the joints as the sensors give them.
+
+    Returns:
+        Joint vector [rad, m], shape (joints,); zeros for a machine without a calibration.
+    """
+    noted = arm.description.calibration.sensor_zero if arm.description.calibration else []
+    sensed = np.array(noted) if noted else np.zeros(arm.n)
+    return np.asarray(np.linalg.solve(arm.limit_matrix, np.where(arm.prismatic, sensed, np.radians(sensed))))
