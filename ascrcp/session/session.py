@@ -30,6 +30,7 @@ from ascrcp.session.state import JobState, Mode, Refusal, Step
 from ascrcp.session.view import add_machine
 
 KEPT_ANNOUNCEMENTS = 50
+RESET_PATIENCE_S = 0.25  # twice the time in which every sensor is heard
 SCENE_POINTS = 100_000  # software OpenGL draws 29 frames/s at this many points
 
 T = TypeVar("T")
@@ -45,6 +46,7 @@ class Session:
         self._lock = threading.Lock()
         self._job = JobState(done=frozenset({Step.RECOGNISE} if round_.joints.exists() else ()))
         self._latest: CycleOutput | None = None
+        self._reset_over = threading.Event()
         self._announcements: tuple[Announcement, ...] = ()
         self._scene = Scene()
         self._stage = ("", "")
@@ -108,18 +110,20 @@ class Session:
         self._driver.wake()
 
     def reset_and_wait(self, timeout_s: float) -> None:
-        """Reset and wait until the gate has let go; for the command line, never for the screen.
+        """Press reset until the gate lets go; for the command line, never for the screen.
+
+        The first press may come before every sensor has been heard.
 
         Raises:
             DeviceError: It did not, with the cause that stands in the way.
         """
-        self.reset()
         deadline = time.monotonic() + timeout_s
         while self._job.stopped:
             if time.monotonic() > deadline:
                 causes = ", ".join(EVENTS[code].cause[0] for code in self._causes) or "the machine is silent"
                 raise DeviceError(f"reset is not accepted: {causes}")
-            time.sleep(0.01)
+            self.reset()
+            self._reset_over.wait(RESET_PATIENCE_S)
 
     def cancel(self) -> None:
         """Give up the step under way; the arm stops where it is."""
@@ -222,9 +226,11 @@ class Session:
             self._operation.cancelled.set()
             with self._lock:
                 self._job = state.stop(self._job)
+            self._reset_over.clear()
         elif not verdict.latched and self._job.stopped:
             with self._lock:
                 self._job = state.reset(self._job)
+            self._reset_over.set()
             self._recorder.put_event(output.t_ns, "request", "reset", "gate left the stopped state")
 
     # worker thread, used by the jobs --------------------------------------------------------------
