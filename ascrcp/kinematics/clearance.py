@@ -1,6 +1,7 @@
 """Clearance of the arm: joint vectors + Obstacles -> signed distance and closest pair."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,7 +69,7 @@ def clearance(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Clearance:
 
 
 def rough_clearance(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
-    """Measure quickly and roughly, the arm itself left out, for searches over many; (n, joints) -> (n,) [m]."""
+    """Measure quickly and roughly for searches, the arm itself left out; (n, joints) -> (n,) [m]."""
     body = make_body(arm, ROUGH_SPREAD)
     found = np.empty(len(q))
     for i in range(0, len(q), BLOCK):
@@ -95,7 +96,7 @@ def link_distances(body: Body, placed: Array, obstacles: Obstacles) -> tuple[Arr
     distance = np.full(placed.shape[:2], np.inf)
     distance[:, moving] = obstacles.distance(placed[:, moving]) - body.radius[body.owner[moving]]
     ends = [*body.first.tolist(), len(body.owner)]
-    at = [distance[:, a:b].argmin(axis=1) + a for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    at = [distance[:, a:b].argmin(axis=1) + a for a, b in pairwise(ends)]
     nearest = np.stack(at, axis=1)
     return np.take_along_axis(distance, nearest, axis=1), nearest
 

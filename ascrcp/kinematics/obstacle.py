@@ -82,7 +82,9 @@ class Obstacles:
     kind: NDArray[np.uint8]
 
     @classmethod
-    def from_surface(cls, surface: Surface, arm: Arm, scan_q: ArrayLike | None = None) -> "Obstacles":
+    def from_surface(
+        cls, surface: Surface, arm: Arm, scan_q: ArrayLike | None = None, bodies: bool = True
+    ) -> "Obstacles":
         """Build the field of a recognised heading.
 
         Wall that was not seen takes the nearest that was; behind the scanned part the arch line stands
@@ -92,6 +94,7 @@ class Obstacles:
             surface: The heading.
             arm: For its carrier and the spacing of the field.
             scan_q: Joints at which it was scanned, whose own points are left out; the zero pose if None.
+            bodies: Whether vehicles, people and muck count too; without, they are taken to have left.
 
         Raises:
             InputError: A wall without any value, or an arm without a clearance model.
@@ -106,10 +109,10 @@ class Obstacles:
         counts = (np.ceil((high - low) / model.cell).astype(int) + 1).tolist()
         axes = [first + model.cell * np.arange(count) for first, count in zip(low, counts, strict=True)]
         room = Room(surface, axes[0], axes[1], axes[2])
-        bodies = _find_bodies(surface, room, arm, arm.zero_pose if scan_q is None else scan_q)
+        found = _find_bodies(surface, room, arm, arm.zero_pose if scan_q is None else scan_q)
         parts = [(room.wall_points(), Obstacle.WALL), (room.arch_points(), Obstacle.ARCH)]
         parts += [(room.floor_points(), Obstacle.FLOOR), (room.face_points(), Obstacle.FACE)]
-        parts.append((bodies, Obstacle.BODY))
+        parts.append((found if bodies else found[:0], Obstacle.BODY))
         points = np.concatenate([part for part, _ in parts])
         kinds = np.repeat(np.array([k for _, k in parts], np.uint8), [len(part) for part, _ in parts])
         field, kind = _spread(points, kinds, low, tuple(counts), model.cell)

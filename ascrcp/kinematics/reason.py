@@ -1,4 +1,4 @@
-"""Say why a path point has no solution: the limit that stands in the way, and by how much, or what it would hit."""
+"""Say why a path point has no solution: the limit in the way and by how much, or what it would hit."""
 
 import numpy as np
 
