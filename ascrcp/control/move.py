@@ -6,12 +6,12 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from ruckig import InputParameter, Result, Ruckig, Trajectory
 
-from ascrcp.control.config import ControlConfig, MoveConfig
+from ascrcp.control.config import ControlConfig
 from ascrcp.core.errors import InputError, UnreachableError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
+from ascrcp.kinematics.leg import plan_leg
 
 
 class Mover(Protocol):
@@ -55,9 +55,10 @@ def plan_move(
     if not bool(arm.within_limits(end)):
         raise UnreachableError(f"move target {np.round(end, 4).tolist()} lies outside the joints' limits")
     stops = [start, *_between(arm, start, end, config), end]
+    move = config.move
     t, q = np.zeros(1), start[None, :]
     for a, b in pairwise(stops):
-        leg_t, leg_q = _leg(arm, a, b, config.move)
+        leg_t, leg_q = plan_leg(arm, a, b, move.row_s, speed=move.speed, acceleration=move.acceleration)
         t = np.concatenate([t, t[-1] + leg_t[1:]])
         q = np.vstack([q, leg_q[1:]])
     T = arm.forward(q)
@@ -89,24 +90,3 @@ def _between(arm: Mover, start: Array, end: Array, config: ControlConfig) -> lis
         if bool(arm.within_limits(between)):
             return [between]
     return []
-
-
-def _leg(arm: Mover, start: Array, end: Array, config: MoveConfig) -> tuple[Array, Array]:
-    """Plan one leg from rest to rest; times (m,) and joints (m, n)."""
-    if np.array_equal(start, end):
-        return np.zeros(1), start[None, :]
-    n = len(start)
-    wanted = InputParameter(n)
-    wanted.current_position, wanted.target_position = start.tolist(), end.tolist()
-    wanted.max_velocity = (arm.max_speed * config.speed).tolist()
-    wanted.max_acceleration = (arm.max_acceleration * config.acceleration).tolist()
-    wanted.max_jerk = (arm.max_jerk * config.acceleration).tolist()
-    trajectory = Trajectory(n)
-    result = Ruckig(n).calculate(wanted, trajectory)
-    if result not in (Result.Working, Result.Finished):
-        raise UnreachableError(f"no jerk-limited move from {start.tolist()} to {end.tolist()}: {result}")
-    rows = max(2, int(np.ceil(trajectory.duration / config.row_s)) + 1)
-    t = np.linspace(0.0, trajectory.duration, rows)
-    q = np.array([trajectory.at_time(float(x))[0] for x in t])
-    q[-1] = end
-    return t, q

@@ -3,11 +3,10 @@
 from itertools import pairwise
 
 import numpy as np
-from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
-from ascrcp.core.errors import UnreachableError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.leg import plan_leg
 from ascrcp.planning.parameter import TimingParameters
 from ascrcp.planning.stroke import keep_ranges
 
@@ -59,32 +58,12 @@ def _lowest(arm: Arm, q: Array) -> float:
 
 
 def _chain(arm: Arm, stops: list[Array], parameters: TimingParameters) -> tuple[float, Array, Array]:
-    """Join straight moves from stop to stop; rows strictly between the first and the last."""
+    """Join straight legs from stop to stop; rows strictly between the first and the last."""
+    share = parameters.move_fraction
     clock, times, joints = 0.0, [], []
     for start, end in pairwise(stops):
-        duration, t, q = _straight(arm, start, end, parameters)
-        times.append(clock + t)
-        joints.append(q)
-        clock += duration
+        t, q = plan_leg(arm, start, end, parameters.row_s, speed=share, acceleration=share)
+        times.append(clock + t[1:])
+        joints.append(q[1:])
+        clock += float(t[-1])
     return clock, np.concatenate(times)[:-1], np.concatenate(joints)[:-1]
-
-
-def _straight(arm: Arm, start: Array, end: Array, parameters: TimingParameters) -> tuple[float, Array, Array]:
-    """Move along a straight line in joint space; rows after the start up to and with the end.
-
-    Only ruckig's offline state-to-state call is used; its waypoints would ask a cloud service.
-    """
-    request = InputParameter(arm.n)
-    request.synchronization = Synchronization.Phase
-    request.current_position, request.target_position = start.tolist(), end.tolist()
-    request.max_velocity = (parameters.move_fraction * arm.max_speed).tolist()
-    request.max_acceleration = (parameters.move_fraction * arm.max_acceleration).tolist()
-    request.max_jerk = (parameters.move_fraction * arm.max_jerk).tolist()
-    trajectory = Trajectory(arm.n)
-    result = Ruckig(arm.n).calculate(request, trajectory)
-    if result not in (Result.Working, Result.Finished):
-        raise UnreachableError(f"no joint move between two strokes: ruckig says {result}")
-    duration = max(float(trajectory.duration), parameters.row_s)
-    count = int(np.ceil(duration / parameters.row_s - 1e-9))
-    t = duration * np.arange(1, count + 1) / count
-    return duration, t, np.array([trajectory.at_time(time)[0] for time in t.tolist()])
