@@ -1,11 +1,10 @@
 """Write the labelled cloud as binary PLY that any viewer shows in colour: Surface -> file."""
 
-import os
 from pathlib import Path
 
 import numpy as np
 
-from ascrcp.core.errors import InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.core.flow import Label, Surface
 
 # calm greys for what is normal, colour for findings (ISA-101)
@@ -45,25 +44,4 @@ def write_labelled_cloud(path: Path, surface: Surface) -> None:
     for label, colour in COLOURS.items():
         palette[label] = colour
     rows["rgb"] = palette[surface.labels]
-    write_atomically(path, header.encode("ascii") + rows.tobytes())
-
-
-def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file through a temporary one beside it, so that no reader sees half of it.
-
-    Raises:
-        InputError: If it cannot be written; nothing is left behind.
-    """
-    path = Path(path)
-    partial = path.with_name(f".{path.name}.part")
-    try:
-        try:
-            with partial.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(partial, path)
-        finally:
-            partial.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be written ({error.strerror or error})") from None
+    write_atomic(path, lambda file: file.write(header.encode("ascii") + rows.tobytes()))

@@ -1,6 +1,5 @@
 """Spray path and joint sequence as CSV (thesis table 4-1), sealed against damage (fault F40)."""
 
-import os
 import zlib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.core.flow import JointSequence, SprayPath
 from ascrcp.core.geometry import Array
 
@@ -174,21 +174,8 @@ def _write(
         seal = zlib.crc32(line.encode(), seal)
         lines.append(f"{line},{seal:08x}")
     header = f"# {kind} version={VERSION} rows={len(body) - 2} crc32={seal:08x}"
-    _replace(file, "\n".join([header, *lines]) + "\n")
-
-
-def _replace(file: Path, text: str) -> None:
-    """Put text in place of a file at once: a crash leaves the old file or the new one."""
-    temporary = file.with_name(f".{file.name}.part")
-    try:
-        with temporary.open("w", encoding="utf-8", newline="\n") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(file)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise InputError(f"{file}: cannot be written: {error.strerror or error}") from None
+    text = "\n".join([header, *lines]) + "\n"
+    write_atomic(file, lambda stream: stream.write(text.encode()))
 
 
 def _read(file: Path, kind: str) -> _Table:

@@ -10,8 +10,9 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from ascrcp.core.flow import Label, SprayPath, Surface
+from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.core.geometry import apply_transform, inverse_transform
+from ascrcp.perception.writer import COLOURS
 from ascrcp.session.evaluation import (
     RULE_DEG,
     RULE_MM,
@@ -21,15 +22,6 @@ from ascrcp.session.evaluation import (
     position_error_mm,
 )
 
-LABEL_COLOURS = {
-    Label.OTHER: "#9a9a9a",
-    Label.SPRAYED: "#8fa3b0",
-    Label.BAY: "#b98b5e",
-    Label.ARCH: "#2f6fd0",
-    Label.OVERBREAK: "#e0a800",
-    Label.GROUND: "#6b5d52",
-    Label.FACE: "#7d7d9c",
-}
 _REFERENCE = "#2e7d32"
 _ACTUAL = "#c62828"
 
@@ -120,10 +112,18 @@ def cloud_and_path(surface: Surface, path: SprayPath | None, trace: RunTrace | N
         s = apply_transform(inverse_transform(surface.axis.T_base_tunnel), surface.points.astype(float))[:, 0]
         inside = np.flatnonzero((s > surface.unsprayed[0] - 2.0) & (s < surface.unsprayed[1] + 0.5))
         keep = np.random.default_rng(0).permutation(inside)[:12_000]
-        for label, colour in LABEL_COLOURS.items():
+        for label, colour in COLOURS.items():
             p = surface.points[keep][surface.labels[keep] == label]
             if len(p):
-                ax.scatter(p[:, 0], p[:, 1], p[:, 2], s=0.8, c=colour, label=label.name.lower(), alpha=0.5)
+                ax.scatter(
+                    p[:, 0],
+                    p[:, 1],
+                    p[:, 2],
+                    s=0.8,
+                    color=np.array(colour) / 255,
+                    label=label.name.lower(),
+                    alpha=0.5,
+                )
         if path is not None:
             ax.plot(*path.position.T, color=_REFERENCE, lw=0.9, label="planned")
         if trace is not None:

@@ -7,12 +7,13 @@ from typing import Any
 import jinja2
 import numpy as np
 
+from ascrcp.core.file import write_atomic
 from ascrcp.core.paths import RESOURCES
 from ascrcp.planning.table import read_path
 from ascrcp.session import picture
 from ascrcp.session.evaluation import RULE_DEG, RULE_MM
 from ascrcp.session.round import Round
-from ascrcp.session.store import read_json, read_surface, write_atomic
+from ascrcp.session.store import read_json, read_surface
 
 
 def build_report(folder: Path, progress: Any = None) -> Path:

@@ -1,19 +1,18 @@
-"""Write files whole or not at all, and keep scan and surface as checked NumPy archives."""
+"""Keep scan, surface and summaries of a round: checked NumPy archives and JSON."""
 
-import os
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import msgspec
 import numpy as np
 
 from ascrcp.core.config import convert
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.core.flow import Arch, Axis, Bay, Overbreak, Scan, Surface
 from ascrcp.core.profile import Profile
 
@@ -33,31 +32,6 @@ _DAMAGE = (
     AttributeError,
     msgspec.DecodeError,
 )
-
-
-def write_atomic(path: Path, write: Callable[[BinaryIO], Any]) -> None:
-    """Write a file beside its place, flush it to the disk, then rename it into place.
-
-    Args:
-        path: Final place.
-        write: Called with the open binary file.
-
-    Raises:
-        InputError: If the disk refuses; nothing is left behind.
-    """
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        with temporary.open("wb") as file:
-            write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        raise InputError(f"{path}: cannot write: {error.strerror or error}") from None
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
 
 
 _ENCODER = msgspec.json.Encoder(enc_hook=lambda value: value.tolist())

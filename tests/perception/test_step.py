@@ -11,6 +11,7 @@ from synthetic_heading import CIRCLE, three_centre
 
 from ascrcp.core.config import convert, read_yaml
 from ascrcp.core.errors import ConfigError, InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.core.flow import Arch, Axis, Scan, Surface
 from ascrcp.core.geometry import rotation, transform
 from ascrcp.core.paths import CONFIG
@@ -24,7 +25,7 @@ from ascrcp.perception.raster import raster_over, unroll
 from ascrcp.perception.reader import read_cloud
 from ascrcp.perception.voxel import first_of_each, voxel
 from ascrcp.perception.wall import bridge, extend
-from ascrcp.perception.writer import write_atomically, write_labelled_cloud
+from ascrcp.perception.writer import write_labelled_cloud
 
 RNG = np.random.default_rng(0)
 
@@ -166,10 +167,10 @@ def test_labelled_cloud_is_read_back_by_our_reader(tmp_path: Path) -> None:
 
 def test_nothing_is_left_behind_where_nothing_can_be_written(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"):
-        write_atomically(tmp_path / "no" / "cloud.ply", b"x")
+        write_atomic(tmp_path / "no" / "cloud.ply", lambda file: file.write(b"x"))
     (tmp_path / "taken").mkdir()
     with pytest.raises(InputError, match="cannot be written"):
-        write_atomically(tmp_path / "taken", b"x")
+        write_atomic(tmp_path / "taken", lambda file: file.write(b"x"))
     assert [p.name for p in tmp_path.iterdir()] == ["taken"]
 
 

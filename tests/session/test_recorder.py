@@ -68,7 +68,8 @@ from ascrcp.session.recorder import Recorder
 r = Recorder(Path(sys.argv[1]))
 r.put_event(0, "note", "begin", "")
 for i in range(100000):
-    r.put("/joints", i * 20_000_000, {"q": [i * 1e-3] * 8, "q_ref": [0.1] * 8, "drive": [0.0] * 8, "reaction": 0})
+    joints = {"q": [i * 1e-3] * 8, "q_ref": [0.1] * 8, "drive": [0.0] * 8, "reaction": 0}
+    r.put("/joints", i * 20_000_000, joints)
     if i % 50 == 49:
         print(i, flush=True)
         time.sleep(0.02)

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.core.flow import Arch, Axis, Bay, Overbreak, Scan, Surface
 from ascrcp.core.paths import CONFIG
 from ascrcp.core.profile import load_profile
-from ascrcp.session.store import read_json, read_scan, read_surface, write_atomic, write_scan, write_surface
+from ascrcp.session.store import read_json, read_scan, read_surface, write_scan, write_surface
 
 
 def make_surface() -> Surface:
