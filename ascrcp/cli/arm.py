@@ -10,8 +10,9 @@ from ascrcp.cli.output import OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.table import table
 from ascrcp.core.errors import InputError
-from ascrcp.core.paths import CONFIG
 from ascrcp.kinematics.arm import load_arm
+from ascrcp.kinematics.description import list_machines
+from ascrcp.kinematics.export import write_robot
 
 MAX_BYTES = 50_000_000  # faults.md, security
 
@@ -76,9 +77,12 @@ def inverse(options: Options, output: Output) -> int:
 
 
 def machines(options: Options, output: Output) -> int:
-    """List the arms in config/machines."""
-    found = [load_arm(place.stem) for place in sorted((CONFIG / "machines").glob("*.yaml"))]
-    tree = [
+    """List the arms in config/machines, and a machine file given beside them; with --urdf export them."""
+    names = list(list_machines())
+    if options.machine not in names:
+        names.append(options.machine)
+    found = [load_arm(name) for name in names]
+    tree: list[dict[str, Any]] = [
         {
             "name": arm.name,
             "joints": [
@@ -89,5 +93,11 @@ def machines(options: Options, output: Output) -> int:
         for arm in found
     ]
     rows = [[arm.name, str(arm.n), ", ".join(j.name for j in arm.joints)] for arm in found]
-    output.result({"ok": True, "machines": tree}, table(["name", "joints", "from base to tool"], rows))
+    text = table(["name", "joints", "from base to tool"], rows)
+    if options.urdf is not None:
+        for entry, arm in zip(tree, found, strict=True):
+            urdf, srdf = write_robot(arm, options.urdf)
+            entry |= {"urdf": str(urdf), "srdf": str(srdf)}
+            text += f"\n-> {urdf}, {srdf}"
+    output.result({"ok": True, "machines": tree}, text)
     return OK

@@ -1,89 +1,91 @@
-"""bench: figures beside a peer in the same run; ratios, because machines differ and are noisy."""
+"""bench: figures beside their aims and peers in the same run, because machines differ and are noisy."""
 
+import gc
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from statistics import median
 
-import numpy as np
-
-from ascrcp.cli.output import OK, Output
+from ascrcp.cli.output import FAILED, OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.table import table
-from ascrcp.kinematics.arm import Arm, load_arm
 
-POSES = 20_000
-PEER_POSES = 20
-REPEATS = 3
+REPEATS = 9
+
+Say = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured figure.
+
+    Attributes:
+        what: What was measured.
+        value: The figure, None where it could not be measured.
+        unit: Its unit.
+        aim: Value it is meant to reach, None for a figure that only stands beside others.
+        more_is_better: Whether the aim is a least value.
+        note: How it was measured, or why not.
+    """
+
+    what: str
+    value: float | None
+    unit: str
+    aim: float | None = None
+    more_is_better: bool = False
+    note: str = ""
+
+    @property
+    def is_met(self) -> bool | None:
+        """Whether the aim is reached; None where there is none or nothing was measured."""
+        if self.aim is None or self.value is None:
+            return None
+        return self.value >= self.aim if self.more_is_better else self.value <= self.aim
 
 
 def bench(options: Options, output: Output) -> int:
-    """Measure and print."""
-    figures: list[dict[str, Any]] = []
+    """Measure and print; exit 1 where a proof fails (figures of speed are the machine's affair)."""
+    figures: list[Figure] = []
     if options.which in ("all", "kinematics"):
-        figures += _kinematics(load_arm("kc"), options.seed)
-    rows = [
-        [
-            f["what"],
-            f"{f['value']:.3g} {f['unit']}",
-            f"{f['peer_value']:.3g} {f['unit']}",
-            f["peer"],
-            f"{f['ratio']:.0f} x",
-        ]
-        for f in figures
-    ]
-    text = table(["what", "here", "peer", "peer is", "faster"], rows)
-    output.result({"ok": True, "figures": figures}, text)
-    return OK
+        # measuring is the one command that pays for these imports
+        from ascrcp.cli.bench_inverse import measure_inverse
+        from ascrcp.cli.bench_path import measure_paths
 
+        figures += measure_inverse(options.machine, options.seed, output.say)
+        figures += measure_paths(options.machine, output.say)
+    proofs: list[Figure] = []
+    if options.which in ("all", "proof"):
+        from ascrcp.cli.bench_proof import prove_inverse
 
-def _best(action: Callable[[], object]) -> float:
-    times = []
-    for _ in range(REPEATS):
-        begin = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - begin)
-    return min(times)
-
-
-def _kinematics(arm: Arm, seed: int) -> list[dict[str, Any]]:
-    """Closed-form inverse of `kc` beside damped least squares on the same forward model."""
-    rng = np.random.default_rng(seed)
-    q = rng.uniform(arm.lower, arm.upper, (POSES, arm.n))
-    T = arm.forward(q)
-    held = {5: q[:, 4], 6: q[:, 5]}
-    ours = _best(lambda: arm.inverse(T, held=held)) / POSES
-    peer = _best(lambda: [_numeric(arm, T[i], q[i]) for i in range(PEER_POSES)]) / PEER_POSES
-    one = _best(lambda: [arm.forward(row) for row in q[:200]]) / 200
-    batch = _best(lambda: arm.forward(q)) / POSES
-    return [
-        _figure("inverse, all solutions, batched", ours, "damped least squares, one solution", peer),
-        _figure("forward, batched", batch, "forward, one pose a call", one),
-    ]
-
-
-def _figure(what: str, ours: float, peer: str, theirs: float) -> dict[str, Any]:
-    return {
-        "what": what,
-        "value": 1e6 * ours,
-        "unit": "us/pose",
-        "peer": peer,
-        "peer_value": 1e6 * theirs,
-        "ratio": theirs / ours,
+        proofs = prove_inverse(options.machine, options.seed, output.say)
+    failed = [figure.what for figure in proofs if figure.is_met is False]
+    tree = {
+        "ok": not failed,
+        "figures": [{**asdict(figure), "is_met": figure.is_met} for figure in figures + proofs],
     }
+    output.result(tree, table(["what", "measured", "aim", "met", "how"], list(_rows(figures + proofs))))
+    return FAILED if failed else OK
 
 
-def _numeric(arm: Arm, T: np.ndarray, q_true: np.ndarray) -> np.ndarray:
-    """Find one solution with joints 5, 6 held, started 0.2 off the true one."""
-    free = [0, 1, 2, 3, 6, 7]
-    q = q_true.copy()
-    q[free] += 0.2
-    for _ in range(100):
-        now = arm.forward(q)
-        R = T[:3, :3] @ now[:3, :3].T
-        turn = 0.5 * np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-        error = np.concatenate([T[:3, 3] - now[:3, 3], turn])
-        if np.abs(error).max() < 1e-10:
-            break
-        J = arm.jacobian(q)[:, free]
-        q[free] += J.T @ np.linalg.solve(J @ J.T + 1e-9 * np.eye(6), error)
-    return q
+def _rows(figures: Iterable[Figure]) -> Iterable[list[str]]:
+    for figure in figures:
+        shown = "-" if figure.value is None else f"{figure.value:.3g} {figure.unit}"
+        sign = ">=" if figure.more_is_better else "<="
+        aim = "-" if figure.aim is None else f"{sign} {figure.aim:g}"
+        met = {None: "-", True: "yes", False: "NO"}[figure.is_met]
+        yield [figure.what, shown.strip(), aim, met, figure.note]
+
+
+def time_per_item(action: Callable[[], object], items: int, repeats: int = REPEATS) -> float:
+    """Measure the processor time of this process per item [us], the median of several runs.
+
+    Processor time of all its threads: other programs on a busy machine hardly count, a second core
+    does.
+    """
+    gc.collect()
+    times = []
+    for _ in range(repeats):
+        begin = time.process_time()
+        action()
+        times.append(time.process_time() - begin)
+    return 1e6 * median(times) / items

@@ -14,6 +14,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.core.geometry import AXES, Array, rotation, transform
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.chain import Op
@@ -86,7 +87,8 @@ def build_urdf(arm: Arm) -> ET.Element:
     """Build the URDF's tree."""
     description = arm.description
     robot = ET.Element("robot", name=arm.name)
-    robot.append(ET.Comment(f" {description.title}; {description.source} "))
+    about = f"{description.title}; {description.source}".replace("--", "-")  # XML ends a comment there
+    robot.append(ET.Comment(f" {about} "))
     if description.sag is not None:
         robot.append(ET.Comment(" rigid model: the machine file also states a sag, which URDF cannot "))
     placements, T_tool = _place_joints(arm)
@@ -249,9 +251,5 @@ def _numbers(values: Array | tuple[float, ...]) -> str:
 
 def _write(root: ET.Element, path: Path) -> None:
     ET.indent(root)
-    part = path.with_name(path.name + ".part")
-    try:
-        ET.ElementTree(root).write(part, encoding="utf-8", xml_declaration=True)
-        part.replace(path)
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from None
+    tree = ET.ElementTree(root)
+    write_atomic(path, lambda file: tree.write(file, encoding="utf-8", xml_declaration=True))
