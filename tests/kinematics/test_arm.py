@@ -168,6 +168,14 @@ def test_bad_joint_vectors_are_refused(bad):
         ("name: kc", "name: kc\nspare: 1", "spare"),
         ("zero_pose: [0.0,", "zero_pose: [200.0,", "zero_pose"),
         ("translate: [0.0, 0.0, 0.0], axis: z", "axis: z", "translate"),
+        ("range_deg: [-180.0, 90.0], ", "", "range_deg"),
+        ("max_speed_deg_s: 8.0, ", "", "max_speed_deg_s"),
+        ("range_deg: [-180.0, 90.0]", "range_deg: [-180.0, .inf]", "finite"),
+        ("range_deg: [-180.0, 90.0]", "range_deg: [-180.0]", "range_deg"),
+        ("axis: z", "axis: [0.0, 0.0, 2.0]", "axis"),
+        ("axis: z", "axis: zz", "axis"),
+        ("max_speed_deg_s: 8.0", "max_speed_deg_s: fast", "max_speed_deg_s"),
+        ("joints:", "joints: []\nlinks:", "links|joints"),
     ],
 )
 def test_bad_machine_files_name_the_key(tmp_path: Path, old: str, new: str, message: str):
@@ -175,8 +183,10 @@ def test_bad_machine_files_name_the_key(tmp_path: Path, old: str, new: str, mess
     assert old in text
     file = tmp_path / "bad.yaml"
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(ConfigError, match=message):
+    with pytest.raises(ConfigError, match=message) as caught:
         load_arm(file)
+    said = str(caught.value)
+    assert "\n" not in said and ("bad.yaml" in said or "machine kc" in said)
 
 
 def test_unknown_machine_lists_the_known():
