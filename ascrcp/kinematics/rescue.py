@@ -15,8 +15,8 @@ from ascrcp.kinematics.description import PathModel
 from ascrcp.kinematics.reason import limit_excess
 from ascrcp.kinematics.smooth import Cost, Keeper, smooth_chain
 
-NEARLY = 0.1
-"""Share of a range by which a lone point's best candidate may leave it and still be tried."""
+NEARLY = 0.25
+"""Share of a range by which a lone point's candidates may leave it and still be tried."""
 
 COLLIDED = 1e6
 """Rank of a metre by which a candidate comes too near, above any squared travel time [s^2/m]."""
@@ -50,8 +50,10 @@ class Rescue:
     def solve(self, T: Array, neighbour: Array, refine: int = 1) -> tuple[Array, Array]:
         """Solve points by themselves.
 
-        Of a point's candidates the one that leaves the ranges least is taken; where several keep them
-        the clearest, then the nearest to its neighbours. It is then smoothed by itself.
+        The neighbour's posture is tried first: where the nozzle's tilt axis turns parallel to the pitch
+        axes, the grid is too coarse to meet the few rolls that serve. Then, at every yaw of the grid, the
+        candidate that leaves the ranges least; where several keep them the clearest, then the nearest to
+        the neighbour. Each is smoothed by itself.
 
         Args:
             T: Targets, shape (n, 4, 4).
@@ -59,47 +61,57 @@ class Rescue:
             refine: Factor by which the spacing of the grid is divided.
 
         Returns:
-            Joint vectors, not yet checked, NaN where nothing was near the ranges, shape (n, joints),
-            and the candidates they started from, which tell why a point failed, shape (n, joints).
+            Tries of every point, best first, not yet checked, NaN where nothing was near the ranges,
+            shape (n, tries, joints); the best candidate, which tells why a point failed, (n, joints).
         """
         grid = make_grid(self.arm, self.model, refine)
-        best = np.empty((len(T), self.arm.n))
+        yaw = np.unique(grid.rows[:, 1], return_inverse=True)[1].reshape(-1)
+        chosen = np.empty((len(T), int(yaw.max()) + 2, self.arm.n))
+        chosen[:, 0] = neighbour
         for start in range(0, len(T), BLOCK):
             self.report(start / len(T))
             cut = slice(start, start + BLOCK)
-            best[cut] = self._choose(T[cut], neighbour[cut], grid)
-        excess = np.nan_to_num(limit_excess(self.arm, best).max(axis=-1, initial=0.0), nan=np.inf)
-        near = np.flatnonzero(excess < NEARLY)
-        alone = np.full_like(best, np.nan)
-        if near.size:
+            chosen[cut, 1:] = self._choose(T[cut], neighbour[cut], grid, yaw)
+        excess = limit_excess(self.arm, chosen).max(axis=-1)
+        tries = np.full_like(chosen, np.nan)
+        point, place = np.nonzero(excess < NEARLY)
+        if point.size:
             keeper = None
             if self.barrier is not None:
-                keeper = Keeper(self.barrier, np.full((len(near), len(self.barrier.body.names)), INSIST))
-            alone[near] = smooth_chain(
+                keeper = Keeper(self.barrier, np.full((len(point), len(self.barrier.body.names)), INSIST))
+            tries[point, place] = smooth_chain(
                 self.arm,
                 self.cost,
-                T[near],
-                best[near],
-                np.full(len(near), np.inf),
+                T[point],
+                chosen[point, place],
+                np.full(len(point), np.inf),
                 0.0,
                 self.model.smooth_rounds,
                 lambda _: self.report(1.0),
                 keeper,
             )
-        return alone, best
+        return tries, chosen[:, 1]
 
-    def _choose(self, T: Array, neighbour: Array, grid: Grid) -> Array:
-        block = solve_grid(self.arm, T, grid).reshape(len(T), -1, self.arm.n)
+    def _choose(self, T: Array, neighbour: Array, grid: Grid, yaw: NDArray[np.int64]) -> Array:
+        """Best candidate per yaw, by falling rank, shape (n, yaws, joints)."""
+        block = solve_grid(self.arm, T, grid)
         excess = np.nan_to_num(limit_excess(self.arm, block).max(axis=-1), nan=np.inf)
         rank = FAR_OFF * (1.0 + excess)
         kept = ~(excess > 0.0)
-        travel = (self.cost.metric * (block - neighbour[:, None]) ** 2).sum(axis=-1)[kept]
+        near_by = neighbour[:, None, None]
+        travel = (self.cost.metric * (block - near_by) ** 2).sum(axis=-1)[kept]
         if self.barrier is not None:
             near = rough_clearance(self.arm, block[kept], self.barrier.obstacles)
             travel = travel + COLLIDED * np.maximum(self.barrier.soft - near, 0.0)
         rank[kept] = travel
-        chosen: Array = block[np.arange(len(T)), rank.argmin(axis=1)]
-        return chosen
+        n, count = len(T), int(yaw.max()) + 1
+        best, value = np.empty((n, count, self.arm.n)), np.empty((n, count))
+        for k in range(count):
+            mine = rank[:, yaw == k].reshape(n, -1)
+            at = mine.argmin(axis=1)
+            best[:, k] = block[:, yaw == k].reshape(n, -1, self.arm.n)[np.arange(n), at]
+            value[:, k] = mine[np.arange(n), at]
+        return np.take_along_axis(best, value.argsort(axis=1, kind="stable")[..., None], axis=1)
 
 
 def nearest_solved(q: Array, rows: NDArray[np.int64], start: Array) -> Array:

@@ -26,7 +26,7 @@ from ascrcp.kinematics.rescue import Rescue, nearest_solved
 from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.seam import TURN, find_seam_tilt
 from ascrcp.kinematics.smooth import Keeper, make_cost, own_cost, smooth_chain
-from ascrcp.kinematics.task import compute_error, spray_pose
+from ascrcp.kinematics.task import compute_error, project_task, spray_pose
 
 Progress = Callable[[float], None]
 
@@ -50,6 +50,12 @@ FEEDBACK_ROUNDS = 4
 
 FEEDBACK_SMOOTHING = 4
 """Smoothing rounds between them."""
+
+FEW = 40
+"""Key points with fewer candidates than this take over those of a neighbour; placeholder."""
+
+FOLLOW_ROUNDS = 6
+"""Newton rounds that carry a candidate over."""
 
 EDGE_ROUNDS = 3
 """Choices of the chain while its edges still pass through something; placeholder."""
@@ -102,8 +108,15 @@ class PathSolver:
         q = self.keep_good(self.smooth(q, report, 0.5, 0.65))
         q = self.keep_clear(self.keep_side(q, report), report)
         q, best = self.rescue(self.keep_least(q), report)
-        smoothed = self.keep_least(self.keep_good(self.smooth(q, report, 0.85, 1.0)))
-        return np.where(np.isfinite(smoothed), smoothed, q), best
+        # lone points may have come back on the other side of a stop
+        q = self._settle(self.keep_side(q, report), q, report)
+        return q, best
+
+    def _settle(self, turned: Array, q: Array, report: Progress) -> Array:
+        """Smooth a last time; what is lost by it stays as it was, if its pose is still the same."""
+        smoothed = self.keep_least(self.keep_good(self.smooth(turned, report, 0.85, 1.0)))
+        spare = self.keep_least(self.keep_good(q))
+        return np.where(np.isfinite(smoothed), smoothed, spare)
 
     def start_chain(self, distance: Array, report: Progress) -> Array:
         """Find a first chain: candidates at key points, the graph, the points between interpolated.
@@ -137,19 +150,41 @@ class PathSolver:
     ) -> tuple[list[Array], list[Array]]:
         """Find the candidates of every key point and what each costs by itself."""
         layers: list[Array] = []
-        price: list[Array] = []
         for start in range(0, len(keys), 32):
-            for layer in find_candidates(self.arm, self.T[keys[start : start + 32]], grid):
-                own = own_cost(self.arm, self.cost, layer) * self.model.key_spacing
-                if self.barrier is not None and len(layer):
-                    near = rough_clearance(self.arm, layer, self.barrier.obstacles)
-                    own = own + self.barrier.weight * np.maximum(self.barrier.soft - near, 0.0) ** 2
-                    free = near > 0.0 if (near > 0.0).any() else near == near.max()
-                    layer, own = layer[free], own[free]
-                layers.append(layer)
-                price.append(own)
+            layers += find_candidates(self.arm, self.T[keys[start : start + 32]], grid)
             report(0.1 + 0.3 * min(1.0, (start + 32) / len(keys)))
+        layers = self._enrich(layers, keys)
+        price: list[Array] = []
+        for i, layer in enumerate(layers):
+            own = own_cost(self.arm, self.cost, layer) * self.model.key_spacing
+            if self.barrier is not None and len(layer):
+                near = rough_clearance(self.arm, layer, self.barrier.obstacles)
+                own = own + self.barrier.weight * np.maximum(self.barrier.soft - near, 0.0) ** 2
+                free = near > 0.0 if (near > 0.0).any() else near == near.max()
+                layers[i], own = layer[free], own[free]
+            price.append(own)
         return layers, price
+
+    def _enrich(self, layers: list[Array], keys: NDArray[np.int64]) -> list[Array]:
+        """Carry candidates over from the nearest key point that has many to one that has few.
+
+        Where the nozzle's tilt axis turns parallel to the pitch axes (at the crown) the lance's
+        inclination changes fast with theta1, and the grid meets but few of the postures there are.
+        """
+        rich = np.array([i for i, layer in enumerate(layers) if len(layer) >= FEW], dtype=np.int64)
+        if not rich.size:
+            return layers
+        enriched = list(layers)
+        for i, layer in enumerate(layers):
+            if len(layer) >= FEW:
+                continue
+            source = layers[rich[np.abs(rich - i).argmin()]]
+            source = source[np.linspace(0, len(source) - 1, min(len(source), 2 * FEW)).astype(int)]
+            T = np.broadcast_to(self.T[keys[i]], (len(source), 4, 4))
+            q = project_task(self.arm, T, source, self.cost.metric, rounds=FOLLOW_ROUNDS)
+            good = (compute_error(self.arm, T, q).size <= TASK_TOLERANCE) & self.arm.within_limits(q)
+            enriched[i] = np.concatenate([layer, q[good]])
+        return enriched
 
     def _choose(self, layers: list[Array], price: list[Array], gaps: Array) -> Array:
         """Choose the cheapest chain; where it would pass through something on the way, dearer ones.
@@ -326,10 +361,12 @@ class PathSolver:
                 failed = failed[self.arm.within_limits(best[failed])]
             if not failed.size:
                 break
-            alone = np.full_like(q, np.nan)
-            found, best[failed] = aid.solve(self.T[failed], nearest_solved(q, failed, self.start), refine)
-            alone[failed] = found
-            q = np.where(np.isfinite(q), q, self.keep_least(self.keep_good(alone)))
+            tries, best[failed] = aid.solve(self.T[failed], nearest_solved(q, failed, self.start), refine)
+            for k in range(tries.shape[1]):
+                alone = np.full_like(q, np.nan)
+                alone[failed] = tries[:, k]
+                alone[np.isfinite(q[:, 0])] = np.nan
+                q = np.where(np.isfinite(q), q, self.keep_least(self.keep_good(alone)))
         return q, best
 
     def find_breaks(self, q: Array) -> NDArray[np.bool_]:
