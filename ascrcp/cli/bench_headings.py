@@ -1,0 +1,215 @@
+"""Whole paths on random headings: scanned, recognised, planned and solved, with what is kept clear."""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.config import load
+from ascrcp.core.flow import JointSequence, Scan, SprayPath, Surface
+from ascrcp.core.geometry import Array
+from ascrcp.core.paths import CONFIG
+from ascrcp.kinematics.arm import Arm, load_arm
+from ascrcp.kinematics.candidate import find_candidates, make_grid, solve_grid
+from ascrcp.kinematics.choice import travel_cost
+from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.obstacle import Obstacles
+from ascrcp.kinematics.path import PathSolution, solve_path
+from ascrcp.kinematics.sag import compensate
+from ascrcp.kinematics.task import spray_pose
+from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.perception.project import project
+from ascrcp.perception.recognise import recognise
+from ascrcp.planning.parameter import load_parameters as load_planning
+from ascrcp.planning.path import plan
+from ascrcp.planning.timing import time_sequence
+from ascrcp.simulation.heading import build_heading
+from ascrcp.simulation.lidar_model import LidarConfig, LidarModel
+from ascrcp.simulation.tunnel import TunnelConfig
+
+PAN_STEP_DEG = 0.4
+"""Coarser than the machine's sweep: a third of its points, for time."""
+
+STAND_OFF = 1.0
+"""Carries a turn of the nozzle to the wall [m], as in solving."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One heading, planned: the surface as scanned, its path and its surroundings."""
+
+    surface: Surface
+    path: SprayPath
+    obstacles: Obstacles
+
+
+def make_case(arm: Arm, seed: int, bodies: bool = False) -> Case:
+    """Draw, scan, recognise and plan one heading.
+
+    Args:
+        arm: The arm that scans it.
+        seed: Of the heading and of the scan's noise.
+        bodies: Whether vehicles and people in it stay; without, the site is taken as cleared.
+    """
+    heading = build_heading(
+        load(CONFIG / "simulation" / "tunnel.yaml", TunnelConfig), np.random.default_rng(seed)
+    )
+    config = load(CONFIG / "simulation" / "lidar.yaml", LidarConfig)
+    lidar, rng = LidarModel(config, heading), np.random.default_rng(seed)
+    mount = arm.lidar(arm.zero_pose)
+    pan = np.radians(np.arange(-90.0, 90.0, PAN_STEP_DEG))
+    ranges = np.array([lidar.measure(mount, angle, rng) for angle in pan], dtype=np.float32)
+    cloud = project(Scan(ranges, config.beam, pan, arm.zero_pose), mount)
+    surface = recognise(cloud, heading.truth.profile, load_perception())
+    return Case(
+        surface, plan(surface, load_planning().path), Obstacles.from_surface(surface, arm, bodies=bodies)
+    )
+
+
+def bench_headings(count: int = 20, seed: int = 0, bodies: bool = False) -> dict[str, Any]:
+    """Solve the paths of random headings and judge them.
+
+    Args:
+        count: Number of headings.
+        seed: Of the first; the others follow it.
+        bodies: Whether vehicles and people in the scan are obstacles.
+
+    Returns:
+        `headings`: figures of each; and over all of them points, solved, missed (a finer search finds
+        a posture for), least and fifth-percentile clearance [m], points below 0.25 m, tilted points,
+        largest tilt [deg], breaks, joint speed over its limit at the timed speed, ratio of the paper's
+        rule's peak acceleration to ours (least and median heading), clearance of moves [m], seconds.
+    """
+    arm = load_arm("kc")
+    figures = [_judge(arm, make_case(arm, seed + i, bodies)) for i in range(count)]
+    ratios = [f["acceleration_ratio"] for f in figures]
+    return {
+        "headings": figures,
+        "points": sum(f["points"] for f in figures),
+        "solved": sum(f["solved"] for f in figures),
+        "missed": sum(f["missed"] for f in figures),
+        "clearance_min_m": min(f["clearance_min_m"] for f in figures),
+        "below_wanted": sum(f["below_wanted"] for f in figures),
+        "tilted": sum(f["tilted"] for f in figures),
+        "tilt_max_deg": max(f["tilt_max_deg"] for f in figures),
+        "breaks_mean": float(np.mean([f["breaks"] for f in figures])),
+        "breaks_mean_without_feedback": float(np.mean([f["breaks_without"] for f in figures])),
+        "joint_speed_share_max": max(f["joint_speed_share"] for f in figures),
+        "acceleration_ratio_min": min(ratios),
+        "acceleration_ratio_median": float(np.median(ratios)),
+        "move_clearance_min_m": min(f["move_clearance_m"] for f in figures),
+        "moves_below_least": sum(f["moves_below_least"] for f in figures),
+        "solve_s": float(np.mean([f["solve_s"] for f in figures])),
+        "solve_without_obstacles_s": float(np.mean([f["solve_without_s"] for f in figures])),
+    }
+
+
+def _judge(arm: Arm, case: Case) -> dict[str, Any]:
+    model = arm.description.clearance
+    assert model is not None
+    begin = time.process_time()
+    plain = solve_path(arm, case.path, arm.zero_pose)
+    middle = time.process_time()
+    found = solve_path(arm, case.path, arm.zero_pose, obstacles=case.obstacles)
+    end = time.process_time()
+    config = load_planning().timing
+    sequence = time_sequence(arm, found.path, found.q, found.break_before, config)
+    speed = np.abs(np.diff(sequence.q, axis=0)) / np.diff(sequence.t)[:, None] / arm.max_speed
+    free, moves, blocked = _moves(arm, sequence, case.obstacles, model.least)
+    ours = peak_acceleration(arm, found.path, found.q, config.nozzle_speed_m_s)
+    paper = peak_acceleration(arm, case.path, choose_point_by_point(arm, case.path), config.nozzle_speed_m_s)
+    kept = found.clearance[found.solved]
+    return {
+        "points": len(case.path),
+        "solved": int(found.solved.sum()),
+        "missed": count_missed(arm, found, case.obstacles, model.least),
+        "clearance_min_m": float(kept.min()),
+        "clearance_p5_m": float(np.percentile(kept, 5)),
+        "below_wanted": int((kept < model.wanted - model.cell / 10).sum()),
+        "tilted": int((found.tilt > 0.0).sum()),
+        "tilt_max_deg": float(np.degrees(found.tilt.max())),
+        "breaks": int(found.break_before.sum()),
+        "breaks_without": int(plain.break_before.sum()),
+        "joint_speed_share": float(speed.max()),
+        "acceleration_ratio": float(paper / ours),
+        "moves": moves,
+        "move_clearance_m": free,
+        "moves_below_least": blocked,
+        "solve_s": end - middle,
+        "solve_without_s": middle - begin,
+    }
+
+
+def peak_acceleration(arm: Arm, path: SprayPath, q: Array, speed: float) -> float:
+    """Largest joint acceleration over its limit along a path at a constant speed over the wall.
+
+    Second differences of the joints over the time between points; strokes that go on from point to
+    point count, moves between them do not.
+
+    Args:
+        arm: For the limits.
+        path: n points.
+        q: Joints at them, NaN where there are none, shape (n, joints).
+        speed: Of the nozzle or of the sprayed point, whichever is faster [m/s].
+    """
+    wall = path.position + STAND_OFF * path.direction
+    way = [np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (path.position, wall)]
+    dt = np.maximum(np.maximum(*way), 0.05) / speed
+    rate = np.diff(q, axis=0) / dt[:, None]
+    within = path.pass_index[2:] == path.pass_index[:-2]
+    rolled = (np.abs(np.diff(q[:, 6])) > np.pi / 2).astype(int)
+    within &= (rolled[1:] + rolled[:-1]) == 0
+    bend = np.abs(np.diff(rate, axis=0)) / ((dt[1:] + dt[:-1]) / 2)[:, None] / arm.max_acceleration
+    return float(np.nanmax(bend[within]))
+
+
+def choose_point_by_point(arm: Arm, path: SprayPath) -> Array:
+    """Solve a path by the paper's rule: each point the least weighted travel from the one before.
+
+    Args:
+        arm: The arm.
+        path: n points.
+
+    Returns:
+        Joint vectors, NaN where the grid of candidates has none within limits, shape (n, joints).
+    """
+    model = arm.description.path
+    assert model is not None
+    grid, T = make_grid(arm, model), compensate(arm, spray_pose(path))
+    q = np.full((len(path), arm.n), np.nan)
+    last, increment = arm.zero_pose, None
+    for start in range(0, len(path), 32):
+        for i, found in enumerate(find_candidates(arm, T[start : start + 32], grid), start=start):
+            if not len(found):
+                continue
+            q[i] = found[travel_cost(arm, found, last, increment).argmin()]
+            last, increment = q[i], q[i] - last
+    return q
+
+
+def count_missed(arm: Arm, found: PathSolution, obstacles: Obstacles, least: float) -> int:
+    """Count unsolved points for which a finer search finds a posture that keeps limits and clearance."""
+    model = arm.description.path
+    assert model is not None
+    lost = np.flatnonzero(~found.solved)
+    T = compensate(arm, spray_pose(found.path))[lost]
+    grid, missed = make_grid(arm, model, 2), 0
+    for pose in T:
+        q = solve_grid(arm, pose[None], grid).reshape(-1, arm.n)
+        q = q[arm.within_limits(q)]
+        missed += bool(len(q) and (clearance(arm, q, obstacles).distance >= least).any())
+    return missed
+
+
+def _moves(arm: Arm, sequence: JointSequence, obstacles: Obstacles, least: float) -> tuple[float, int, int]:
+    """Clearance of the rows between strokes: least of all [m], number of moves, moves below least."""
+    between = _runs(~(sequence.spraying | (sequence.point >= 0)))
+    lowest = [float(clearance(arm, sequence.q[run], obstacles).distance.min()) for run in between]
+    return min(lowest, default=np.inf), len(lowest), sum(value < least for value in lowest)
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    rows = np.flatnonzero(mask)
+    return np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(rows) else []
