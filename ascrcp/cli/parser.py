@@ -95,7 +95,9 @@ def build_parser() -> argparse.ArgumentParser:
                 "input", nargs="?", default=None, metavar="JSON", help="JSON text; standard input if left out"
             )
         if name == "machines":
-            stage.add_argument("--urdf", type=Path, default=None, metavar="DIR", help="write NAME.urdf and NAME.srdf there")
+            stage.add_argument(
+                "--urdf", type=Path, default=None, metavar="DIR", help="write NAME.urdf and NAME.srdf there"
+            )
         if name == "bench":
             stage.add_argument("which", nargs="?", default="all", choices=("all", *BENCHES))
         if name == "calibrate":
@@ -112,15 +114,24 @@ def _calibration(stage: argparse.ArgumentParser) -> None:
     stage.add_argument("--out", type=Path, required=True, metavar="YAML", help="the new machine file")
     stage.add_argument(
         "--fit",
+        default=None,
         action="append",
         choices=("zeros", "lengths", "sag"),
         help="only this group; may be repeated",
     )
     stage.add_argument(
-        "--hold", action="append", metavar="NAME", help="leave a parameter as it is; may be repeated"
+        "--hold",
+        action="append",
+        default=None,
+        metavar="NAME",
+        help="leave a parameter as it is; may be repeated",
     )
     stage.add_argument(
-        "--simulate", type=_natural, metavar="N", help="first survey N poses of the simulated rig into FILE"
+        "--simulate",
+        type=_natural,
+        default=None,
+        metavar="N",
+        help="first survey N poses of the simulated rig into FILE",
     )
 
 

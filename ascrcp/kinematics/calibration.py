@@ -287,8 +287,8 @@ def _predict_held_out(problem: Problem, folds: int) -> Array:
 
 def _judge(found: Calibrated, problem: Problem, x: Array, config: CalibrationConfig) -> None:
     """Refuse a change too large to be true, and one that predicts no better than the old file."""
-    worst = int(np.abs(x).argmax())
-    if not abs(x[worst]) <= config.largest:
+    worst = int(np.abs(x).argmax()) if len(x) else -1
+    if len(x) and not abs(x[worst]) <= config.largest:
         p, limit = problem.parameters[worst], config.largest * problem.scale[worst]
         raise InputError(
             f"{problem.seen.source}: {p.name} would change by {x[worst] * p.expected:.4g} {p.unit}, "

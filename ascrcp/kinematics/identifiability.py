@@ -9,13 +9,19 @@ from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.observation import Observations
-from ascrcp.kinematics.parameter import Parameter, find_prior
+from ascrcp.kinematics.parameter import Parameter
 
 Design = Callable[[Observations, Sequence[Parameter]], Array]
 """Derivative of the tip in sigmas by each parameter in units of its expected error, (n, 3, k)."""
 
 SHARE = 0.3
 """Component of a weak direction from which a parameter is named."""
+
+IDLE = 0.5
+"""Share of its range from which a joint counts as exercised; placeholder."""
+
+HOPELESS = 2.0
+"""Sigma of a direction, in units of the errors expected, that is refused whatever moved; placeholder."""
 
 ROWS = 60
 """Observations that a what-if is tried on."""
@@ -40,27 +46,38 @@ class Determination:
     design: Design
     allowed: float
 
-    def find_weak(self, parameters: Sequence[Parameter], extra: Sequence[Observations] = ()) -> Array:
+    def find_weak(
+        self,
+        parameters: Sequence[Parameter],
+        extra: Sequence[Observations] = (),
+        allowed: float | None = None,
+    ) -> Array:
         """Find the directions of parameter space that stay unsure, shape (m, k).
 
         By singular values of the design: their inverses are the sigmas of the right singular
-        vectors, in units of the expected errors. Parameters that have a prior are taken out
-        beforehand (Schur complement): they may stay unsure themselves.
+        vectors, in units of the expected errors. The sag's exponent may stay unsure and is taken out
+        beforehand (Schur complement, its expected error known): over the reaches of a survey another
+        exponent looks much like errors of the pitch zeros.
+
+        Args:
+            parameters: k parameters.
+            extra: Further observations, as a what-if.
+            allowed: Largest sigma, in place of the object's own.
         """
         k = len(parameters)
+        known = np.array([p.key == "exponent" for p in parameters])
         designs = [self.design(part, parameters).reshape(-1, k) for part in (self.seen, *extra)]
-        information = sum((A.T @ A for A in designs), np.diag(find_prior(parameters)))
-        free, known = find_prior(parameters) == 0.0, find_prior(parameters) > 0.0
-        between = information[np.ix_(free, known)]
-        left = information[np.ix_(free, free)]
+        information = sum((A.T @ A for A in designs), np.diag(known.astype(float)))
+        between = information[np.ix_(~known, known)]
+        left = information[np.ix_(~known, ~known)]
         left = left - between @ np.linalg.solve(information[np.ix_(known, known)], between.T)
         square, inside = np.linalg.eigh(left)
         directions = np.zeros((len(square), k))
-        directions[:, free] = inside.T
-        return directions[square * self.allowed**2 < 1.0]
+        directions[:, ~known] = inside.T
+        return directions[square * (self.allowed if allowed is None else allowed) ** 2 < 1.0]
 
     def find_idle(self, parameters: Sequence[Parameter]) -> list[str]:
-        """Find which joints, or the payload, would have to move (more) for the data to suffice.
+        """Find which idle joints, or payload, would have to move for the data to suffice.
 
         Each is tried: observations are added in which it alone is sent through its range. The one
         that moved least comes first, and counts if it makes a weak direction strong.
@@ -68,14 +85,14 @@ class Determination:
         helped: list[str] = []
         extra: list[Observations] = []
         left = len(self.find_weak(parameters))
-        for _, what, rows in sorted(self._what_ifs(), key=lambda entry: entry[0]):
+        for share, what, rows in sorted(self._what_ifs(), key=lambda entry: entry[0]):
+            if share > IDLE or not left:
+                break
             now = len(self.find_weak(parameters, [*extra, rows]))
             if now < left:
                 helped.append(what)
                 extra.append(rows)
                 left = now
-            if not left:
-                break
         return helped
 
     def _what_ifs(self) -> list[tuple[float, str, Observations]]:
@@ -103,19 +120,22 @@ class Determination:
 
 
 def check_determined(judge: Determination, parameters: Sequence[Parameter]) -> None:
-    """Refuse observations that leave a parameter open.
+    """Refuse observations that leave a parameter open because something was not exercised.
+
+    What stays unsure though every joint moved is no fault of the survey: its sigma says so.
 
     Raises:
-        InputError: Names the parameters and the joints that were not exercised.
+        InputError: Names the parameters and what was not exercised.
     """
     weak = judge.find_weak(parameters)
+    idle = judge.find_idle(parameters) if len(weak) else []
+    if not idle:
+        weak = judge.find_weak(parameters, allowed=HOPELESS)
+        idle = ["the poses are too much alike, or too few"]
     if not len(weak):
         return
     involved = np.abs(weak).max(axis=0)
     names = [parameters[i].name for i in np.argsort(-involved) if involved[i] > SHARE]
-    idle = judge.find_idle(parameters) or [
-        "no joint alone would mend it: more poses, farther apart, are needed"
-    ]
     raise InputError(
         f"{judge.seen.source}: the data do not determine {'; '.join(names)}: {'; '.join(idle)} "
         f'(survey such poses, or leave a parameter as it is with --hold "{names[0]}")'

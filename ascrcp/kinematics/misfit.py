@@ -11,13 +11,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.description import Positive
 from ascrcp.kinematics.observation import Observations
-from ascrcp.kinematics.parameter import (
-    Parameter,
-    change_description,
-    derive_position,
-    find_prior,
-    zero_change,
-)
+from ascrcp.kinematics.parameter import Parameter, change_description, derive_position, zero_change
 from ascrcp.kinematics.sag import sagged_forward
 
 CHI3_MEDIAN = 1.538
@@ -28,6 +22,12 @@ HUBER = 2.0
 
 FINEST = 0.1
 """Least scale of the misses, as a share of the noise assumed: exact data have no blunders."""
+
+LONGEST = 3.0
+"""Longest step of a fit, in units of the expected errors: farther off the model is not linear."""
+
+LOOSE = 4.0
+"""Sigma of the file's values in units of the expected errors; that of the sag's exponent is 1."""
 
 STEPS = 60
 CONVERGED = 1e-10
@@ -58,8 +58,12 @@ class Problem:
 
     @cached_property
     def prior(self) -> Array:
-        """Weight of staying at the file's value, in units of `expected`, shape (k,): see `find_prior`."""
-        return find_prior(self.parameters)
+        """Weight of the file's values: each counts as one observation, a few expected errors its sigma.
+
+        Next to what a survey tells that is nothing; where two parameters do nearly the same (sag and
+        the height of joint 2) it keeps both from running off in opposite directions. Shape (k,).
+        """
+        return np.array([1.0 if p.key == "exponent" else 1.0 / LOOSE**2 for p in self.parameters])
 
     @cached_property
     def whiten(self) -> Array:
@@ -101,6 +105,8 @@ class Problem:
 def fit(problem: Problem, x: Array | None = None, threshold: float = np.inf) -> Array:
     """Minimise the squared misses in sigmas (Levenberg-Marquardt), Huber's loss beyond a threshold."""
     x = np.zeros(len(problem.parameters)) if x is None else x
+    if not len(x):
+        return x
     damping = 1e-6
     r = problem.whitened(x)
     cost = _cost(r, threshold) + _stay(problem, x)
@@ -111,6 +117,7 @@ def fit(problem: Problem, x: Array | None = None, threshold: float = np.inf) -> 
         normal = np.einsum("nij,nik->jk", WA, A) + np.diag(problem.prior)
         pull = np.einsum("nij,ni->j", WA, r) - problem.prior * x
         step = np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), pull)
+        step *= min(1.0, LONGEST / max(float(np.abs(step).max()), LONGEST))
         trial = problem.whitened(x + step)
         reached = _cost(trial, threshold) + _stay(problem, x + step)
         if not reached <= cost:

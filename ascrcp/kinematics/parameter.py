@@ -95,15 +95,6 @@ def list_parameters(arm: Arm, expected: ExpectedErrors) -> list[Parameter]:
     return [found[i] for i in order if _keeps_closed_form(arm, found[i])]
 
 
-def find_prior(parameters: Sequence[Parameter]) -> Array:
-    """Return the weight of each parameter's present value against its expected error, shape (k,).
-
-    Only the sag's exponent has one: over the reaches of a survey another exponent looks much like
-    errors of the pitch zeros, so its present value counts as one observation of it.
-    """
-    return np.array([1.0 if p.kind == "sag" and p.key == "exponent" else 0.0 for p in parameters])
-
-
 def read_value(description: ArmDescription, parameter: Parameter) -> float:
     """Return a parameter's value in the machine file, in its unit."""
     p = parameter
@@ -267,12 +258,13 @@ def _has_closed_form(description: ArmDescription) -> bool:
     return SprayInverse.fit(description) is not None or BucketInverse.fit(description) is not None
 
 
-def find_joint_zero(arm: Arm) -> Array:
-    """Return what a calibration says must be added to the joints as the sensors give them.
+def find_sensor_zero(arm: Arm) -> Array:
+    """Return what a calibration says must be added to what the sensors read, in SI.
 
     Returns:
-        Joint vector [rad, m], shape (joints,); zeros for a machine without a calibration.
+        On the quantities the sensors measure (limit_matrix @ q) [rad, m], shape (joints,); zeros for a
+        machine without a calibration.
     """
     noted = arm.description.calibration.sensor_zero if arm.description.calibration else []
     sensed = np.array(noted) if noted else np.zeros(arm.n)
-    return np.asarray(np.linalg.solve(arm.limit_matrix, np.where(arm.prismatic, sensed, np.radians(sensed))))
+    return np.where(arm.prismatic, sensed, np.radians(sensed))

@@ -159,21 +159,23 @@ def _search(
 
 
 def _refine(arm: Arm, T: Array, spacing: Array, rounds: int, best: _Best) -> None:
-    """Search about the best values of theta1, q5, q6 at half the spacing, again and again."""
+    """Climb from the best values of theta1, q5, q6; the step is halved where no neighbour is better."""
     live = np.flatnonzero(np.isfinite(best.margin))
     steps = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     low = np.array([-np.inf, arm.lower[4], arm.lower[5]])
     high = np.array([np.inf, arm.upper[4], arm.upper[5]])
+    share = np.full(len(best.margin), 0.5)
     size = BLOCK // len(steps)
-    for number in range(1, rounds + 1):
-        around = steps * spacing / 2.0**number
+    for _ in range(rounds):
         for first in range(0, len(live), size):
             rows = live[first : first + size]
+            around = steps * spacing * share[rows, None, None]
             tried = np.clip(best.centre[rows, None] + around, low, high)
             margin, q = _solve(arm, T[rows], tried)
             top = margin.argmax(axis=1)
             reached = margin[np.arange(len(rows)), top]
             better = reached > best.margin[rows]
+            share[rows[~better]] /= 2.0
             won, top = rows[better], top[better]
             best.margin[won] = reached[better]
             best.q[won] = q[better, top]

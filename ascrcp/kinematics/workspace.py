@@ -28,21 +28,21 @@ FINE = 1e-15
 
 
 class ReachConfig(Struct):
-    """Postures tried for a wall point: values of theta1, q5, q6, then rounds of halving about the best.
+    """Postures tried for a wall point: values of theta1, q5, q6, then a climb from the best.
 
     Attributes:
         roll_step_deg: Spacing of theta1 over the full turn.
         yaw_candidates: Values of q5 over its range.
         telescope_candidates: Values of q6 over its range.
         starts: Values of theta1 that are refined, the best ones of the grid.
-        refine_rounds: Halvings of the spacing.
+        refine_rounds: Rounds of trying the neighbours, with half the step where none is better.
     """
 
     roll_step_deg: Annotated[float, Meta(ge=1.0, le=90.0)]
     yaw_candidates: Count
     telescope_candidates: Count
     starts: Count
-    refine_rounds: Annotated[int, Meta(ge=0, le=10)]
+    refine_rounds: Annotated[int, Meta(ge=0, le=30)]
 
 
 class ParkingConfig(Struct):

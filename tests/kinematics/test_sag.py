@@ -6,7 +6,7 @@ import pytest
 from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import angle_between, check_transform
 from ascrcp.kinematics import compensate, load_arm, sagged_forward
-from ascrcp.kinematics.sag import compute_sag
+from ascrcp.kinematics.sag import compute_sag, sagged_lidar
 
 
 def draw_joints(n: int) -> np.ndarray:
@@ -54,3 +54,20 @@ def test_bad_payloads_are_refused(payload_kg: float):
 def test_an_arm_without_a_sag_model_is_rigid():
     arm = load_arm("muck")
     np.testing.assert_array_equal(sagged_forward(arm, np.ones(6), 50.0), arm.forward(np.ones(6)))
+
+
+def test_a_payload_per_pose_is_the_same_as_one_by_one():
+    arm = load_arm("kc")
+    q, payload = draw_joints(20), np.linspace(0.0, 181.0, 20)
+    one_by_one = [sagged_forward(arm, row, load) for row, load in zip(q, payload, strict=True)]
+    np.testing.assert_allclose(sagged_forward(arm, q, payload), one_by_one, atol=1e-15)
+    with pytest.raises(InputError, match="payload nan"):
+        sagged_forward(arm, q, np.append(payload[:-1], np.nan))
+
+
+def test_the_lidar_hangs_lower_than_the_rigid_arm_and_less_than_the_nozzle():
+    arm = load_arm("kc")
+    q = np.zeros(8)
+    drop = arm.lidar(q)[2, 3] - sagged_lidar(arm, q)[2, 3]
+    tip = arm.forward(q)[2, 3] - sagged_forward(arm, q)[2, 3]
+    assert 0.0 < drop < tip
