@@ -51,10 +51,10 @@ FEEDBACK_ROUNDS = 4
 FEEDBACK_SMOOTHING = 4
 """Smoothing rounds between them."""
 
-FEW = 40
+FEW = 16
 """Key points with fewer candidates than this take over those of a neighbour; placeholder."""
 
-FOLLOW_ROUNDS = 6
+FOLLOW_ROUNDS = 5
 """Newton rounds that carry a candidate over."""
 
 EDGE_ROUNDS = 3
@@ -171,19 +171,19 @@ class PathSolver:
         Where the nozzle's tilt axis turns parallel to the pitch axes (at the crown) the lance's
         inclination changes fast with theta1, and the grid meets but few of the postures there are.
         """
-        rich = np.array([i for i, layer in enumerate(layers) if len(layer) >= FEW], dtype=np.int64)
-        if not rich.size:
+        size = np.array([len(layer) for layer in layers])
+        rich, poor = np.flatnonzero(size >= FEW), np.flatnonzero(size < FEW)
+        if not rich.size or not poor.size:
             return layers
+        from_layer = rich[np.abs(rich - poor[:, None]).argmin(axis=1)]
+        picks = [layers[j][np.linspace(0, size[j] - 1, FEW).astype(int)] for j in from_layer]
+        T = np.repeat(self.T[keys[poor]], FEW, axis=0)
+        q = project_task(self.arm, T, np.concatenate(picks), self.cost.metric, rounds=FOLLOW_ROUNDS)
+        good = (compute_error(self.arm, T, q).size <= TASK_TOLERANCE) & self.arm.within_limits(q)
         enriched = list(layers)
-        for i, layer in enumerate(layers):
-            if len(layer) >= FEW:
-                continue
-            source = layers[rich[np.abs(rich - i).argmin()]]
-            source = source[np.linspace(0, len(source) - 1, min(len(source), 2 * FEW)).astype(int)]
-            T = np.broadcast_to(self.T[keys[i]], (len(source), 4, 4))
-            q = project_task(self.arm, T, source, self.cost.metric, rounds=FOLLOW_ROUNDS)
-            good = (compute_error(self.arm, T, q).size <= TASK_TOLERANCE) & self.arm.within_limits(q)
-            enriched[i] = np.concatenate([layer, q[good]])
+        for k, i in enumerate(poor):
+            mine = slice(k * FEW, (k + 1) * FEW)
+            enriched[i] = np.concatenate([layers[i], q[mine][good[mine]]])
         return enriched
 
     def _choose(self, layers: list[Array], price: list[Array], gaps: Array) -> Array:
