@@ -17,6 +17,9 @@ from ascrcp.kinematics.solution import MEETING, ON_AXIS, leg, settle, wrap_into
 SINGULAR = 1e-10
 """|sin(theta5)| below which only theta2 + theta3 -+ theta6 is fixed."""
 
+CLOSE_TO_AXIS = 1e-6
+"""Distance of the wrist from the slew axis [m] below which rounding makes its direction rough."""
+
 LARGEST_SLACK = 3e-11
 """Most that rounding is allowed to have moved the elbow by [m]: solutions are held to 1e-10 m."""
 
@@ -103,8 +106,14 @@ class BucketInverse:
         radius = np.sqrt(w[0] * w[0] + w[1] * w[1])
         on_axis = radius <= ON_AXIS
         th1, s1, c1 = np.arctan2(w[1], w[0]), w[1] / radius, w[0] / radius
+        free: Array | float = 0.0
+        if near is not None:
+            free = near[:, 0]
+            # close by, a reference whose plane holds the wrist is as good as the direction and less rough
+            aside = np.abs(np.cos(free) * w[1] - np.sin(free) * w[0])
+            on_axis |= (radius <= CLOSE_TO_AXIS) & (aside <= ON_AXIS)
         if on_axis.any():  # the slew is free
-            th1 = np.where(on_axis, 0.0 if near is None else near[:, 0], th1)
+            th1 = np.where(on_axis, free, th1)
             s1, c1 = np.where(on_axis, np.sin(th1), s1), np.where(on_axis, np.cos(th1), c1)
         sign = np.array([[1.0], [-1.0]])
         radius = np.where(on_axis, 1.0, radius)  # a slew that is settled carries no rounding

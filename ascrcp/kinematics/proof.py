@@ -14,7 +14,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.solution import MEETING, TURN
 
-ROUNDING = 4.0 * MEETING
+ROUNDING = 10.0 * MEETING
 """Rounding of a pose on its way through the inverse [1, m], what counts as rounding there included."""
 
 GRID = 33
