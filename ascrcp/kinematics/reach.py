@@ -20,8 +20,8 @@ from ascrcp.kinematics.workspace import ReachConfig
 
 Progress = Callable[[float], None]
 
-BLOCK = 16384
-"""Candidate poses solved at once: 8 MB of joint vectors."""
+BLOCK = 4096
+"""Candidate poses solved at once: 2 MB of joint vectors, small enough for the cache."""
 
 EDGE = 1e-7
 """Share of a range by which a posture on a limit may come out beyond it: rounding (arm.LIMIT_TOLERANCE)."""
@@ -98,9 +98,17 @@ def find_reach(
 
 def find_margin(arm: Arm, q: Array) -> Array:
     """Compute the least share of a range left at joint vectors (..., joints), -inf for NaN; (...)."""
-    g = q @ arm.limit_matrix.T
-    share = np.minimum(g - arm.limit_lower, arm.limit_upper - g) / (arm.limit_upper - arm.limit_lower)
-    return np.asarray(np.where(np.isnan(share).any(axis=-1), -np.inf, share.min(axis=-1)))
+    least = np.full(q.shape[:-1], np.inf)
+    for joint in arm.joints:  # joint by joint: q is stored joint first by the inverse
+        g = q[..., joint.number - 1]
+        for other in joint.limit_sum[:-1]:
+            g = g + q[..., other - 1]
+        off = np.abs(g - (joint.lower + joint.upper) / 2)
+        off *= -1.0 / (joint.upper - joint.lower)
+        off += 0.5
+        np.minimum(least, off, out=least)
+    least[np.isnan(least)] = -np.inf
+    return least
 
 
 def _spread(arm: Arm, i: int, count: int) -> Array:
