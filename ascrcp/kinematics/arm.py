@@ -175,14 +175,15 @@ class Arm:
         T = np.asarray(T, dtype=float)
         if T.ndim not in (2, 3) or T.shape[-2:] != (4, 4):
             raise InputError(f"poses must have shape (4, 4) or (N, 4, 4), not {T.shape}")
-        T = T.reshape(-1, 4, 4)
-        values = self._held(held or {}, form.held, len(T))
-        reference = None if near is None else self._near(near, len(T))
-        joints = np.empty((self.n, *BRANCHES, len(T)))
-        valid, inside = np.empty((2, *BRANCHES, len(T)), dtype=bool)
-        for start in range(0, len(T), BLOCK):
+        poses = split_poses(T.reshape(-1, 4, 4))
+        n = poses.shape[2]
+        values = self._held(held or {}, form.held, n)
+        reference = None if near is None else self._near(near, n)
+        joints = np.empty((self.n, *BRANCHES, n))
+        valid, inside = np.empty((2, *BRANCHES, n), dtype=bool)
+        for start in range(0, n, BLOCK):
             cut = slice(start, start + BLOCK)
-            P = split_poses(T[cut])
+            P = poses[..., cut]
             q = form.solve(P, [v[cut] for v in values], None if reference is None else reference[cut])
             good = valid[..., cut] = self._confirmation.check(q, P)
             inside[..., cut] = good & self._inside(q)
