@@ -151,7 +151,9 @@ class Obstacles:
             )
             slope[:, axis] = ahead - behind
         size = np.linalg.norm(slope, axis=1, keepdims=True)
-        slope = np.divide(slope, size, out=np.zeros_like(slope), where=size > 0.0)
+        # half-way between two things there is no way out, nor beyond the field: take up
+        up = np.tile([0.0, 0.0, 1.0], (len(slope), 1))
+        slope = np.divide(slope, size, out=up, where=size > 0.0)
         return slope @ self.T_tunnel_base[:3, :3]
 
     def _nodes(self, points: Array) -> Array:
