@@ -38,7 +38,12 @@ def draw_poses(arm: Arm, count: int, rng: np.random.Generator) -> Array:
 
 
 def survey_rig(
-    config: RigConfig, arm: Arm, poses: Array, payload_kg: Array, rng: np.random.Generator
+    config: RigConfig,
+    arm: Arm,
+    poses: Array,
+    payload_kg: Array,
+    rng: np.random.Generator,
+    prism: float = PRISM,
 ) -> Observations:
     """Stand the simulated machine in poses, read its sensors off the bus and measure its nozzle.
 
@@ -48,6 +53,7 @@ def survey_rig(
         poses: True joint vectors [rad, m], shape (n, 8).
         payload_kg: Concrete in the hose [kg], shape (n,).
         rng: Source of chance: sensor noise and surveyor.
+        prism: One sigma of the surveyed points [m], 0 for the truth.
     """
     codec, can, seed = Codec(DBC), load_can_config(), int(rng.integers(2**31))
     q, position = np.empty_like(poses), np.empty((len(poses), 3))
@@ -61,7 +67,7 @@ def survey_rig(
                 rig.step(cycle * CYCLE_NS)
                 inputs = link.receive(cycle * CYCLE_NS)
             q[i] = inputs.q
-            position[i] = rig.true_nozzle()[:3, 3] + rng.normal(0.0, PRISM, 3)
+            position[i] = rig.true_nozzle()[:3, 3] + rng.normal(0.0, prism, 3)
         finally:
             near.close()
             far.close()

@@ -160,10 +160,10 @@ def test_sag_of_the_rig_is_found_and_holds_on_poses_not_fitted():
     """A tip 90 mm off comes under 10 mm: true nozzle against sensors with noise and steps."""
     rig = load_rig_config({"arm": {"flexure": {"sag_mm": 170.0}}})
     rng = np.random.default_rng(10)
-    poses = draw_poses(ARM, 60, rng)
-    payload = rng.uniform(0.0, 181.0, 60)
-    seen = survey_rig(rig, ARM, poses, payload, rng)
-    fitted, fresh = seen.pick(np.arange(60) < 35), seen.pick(np.arange(60) >= 35)
+    fitted, fresh = (
+        survey_rig(rig, ARM, draw_poses(ARM, n, rng), rng.uniform(0.0, 181.0, n), rng, prism)
+        for n, prism in ((40, 0.003), (30, 0.0))
+    )
     found = calibrate(ARM, fitted, CONFIG, groups=["sag"])
 
     def miss_mm(arm: Arm):
