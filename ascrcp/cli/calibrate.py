@@ -10,6 +10,7 @@ from ascrcp.cli.output import OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.table import table
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.calibration import Calibrated, Misses, calibrate, load_config
 from ascrcp.kinematics.description import find_machine
@@ -17,7 +18,6 @@ from ascrcp.kinematics.identifiability import FULL_HOSE_KG
 from ascrcp.kinematics.machine_file import encode_machine
 from ascrcp.kinematics.observation import read_observations, write_observations
 from ascrcp.kinematics.parameter import GROUPS
-from ascrcp.session.store import write_atomic
 from ascrcp.simulation.survey import draw_poses, survey_rig
 
 AXES = ("x", "y", "z", "distance")
@@ -56,7 +56,7 @@ def _simulate(options: Options, arm: Arm, data: Path) -> None:
     rng = np.random.default_rng([options.seed, 2])
     poses = draw_poses(arm, options.simulate, rng)
     payload_kg = np.round(rng.uniform(0.0, FULL_HOSE_KG, len(poses)))
-    seen = survey_rig(load_simulation(options.rig).rig, arm, poses, payload_kg, rng)
+    seen = survey_rig(load_simulation(options.rig).rig, arm, poses, payload_kg, options.seed, rng)
     write_observations(data, arm, seen)
 
 

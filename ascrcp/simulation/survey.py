@@ -42,6 +42,7 @@ def survey_rig(
     arm: Arm,
     poses: Array,
     payload_kg: Array,
+    seed: int,
     rng: np.random.Generator,
     prism: float = PRISM,
 ) -> Observations:
@@ -52,10 +53,11 @@ def survey_rig(
         arm: Geometry of the true machine; the platform's may differ.
         poses: True joint vectors [rad, m], shape (n, 8).
         payload_kg: Concrete in the hose [kg], shape (n,).
-        rng: Source of chance: sensor noise and surveyor.
+        seed: The rig's: the same seed is the same machine, with the same zero errors of its sensors.
+        rng: Source of chance: when the sensors are read, and the surveyor.
         prism: One sigma of the surveyed points [m], 0 for the truth.
     """
-    codec, can, seed = Codec(DBC), load_can_config(), int(rng.integers(2**31))
+    codec, can = Codec(DBC), load_can_config()
     q, position = np.empty_like(poses), np.empty((len(poses), 3))
     for i, pose in enumerate(poses):
         channel = ChannelConfig(interface="virtual", channel=f"survey-{next(_CHANNELS)}")

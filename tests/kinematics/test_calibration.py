@@ -161,7 +161,7 @@ def test_sag_of_the_rig_is_found_and_holds_on_poses_not_fitted():
     rig = load_rig_config({"arm": {"flexure": {"sag_mm": 170.0}}})
     rng = np.random.default_rng(10)
     fitted, fresh = (
-        survey_rig(rig, ARM, draw_poses(ARM, n, rng), rng.uniform(0.0, 181.0, n), rng, prism)
+        survey_rig(rig, ARM, draw_poses(ARM, n, rng), rng.uniform(0.0, 181.0, n), 1, rng, prism)
         for n, prism in ((40, 0.003), (30, 0.0))
     )
     found = calibrate(ARM, fitted, CONFIG, groups=["sag"])
@@ -185,7 +185,7 @@ def test_zeros_of_the_rig_are_found_and_correct_its_sensors():
     )
     rng = np.random.default_rng(11)
     poses = draw_poses(ARM, 60, rng)
-    seen = survey_rig(rig, ARM, poses, rng.uniform(0.0, 181.0, 60), rng)
+    seen = survey_rig(rig, ARM, poses, rng.uniform(0.0, 181.0, 60), 1, rng)
     found = calibrate(ARM, seen, CONFIG)
     for change in found.changes:
         if change.unit == "deg":
