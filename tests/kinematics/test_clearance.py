@@ -15,7 +15,7 @@ from ascrcp.kinematics.clearance import clearance, rough_clearance
 from ascrcp.kinematics.description import ArmDescription, Capsule
 from ascrcp.kinematics.obstacle import Obstacle, Obstacles, box_distance
 
-RADIUS, FLOOR, FACE = 5.0, -3.0, 14.0
+RADIUS, FLOOR, FACE = 5.0, -3.0, 13.0
 
 
 def smooth_heading(
@@ -61,7 +61,7 @@ def test_field_agrees_with_the_exact_distance_to_a_tube_its_floor_and_face():
     arm = load_arm("kc")
     obstacles = Obstacles.from_surface(smooth_heading(yaw=0.1), arm)
     rng = np.random.default_rng(1)
-    local = rng.uniform([10.0, -4.6, -2.9], [13.9, 4.6, 4.6], (4000, 3))
+    local = rng.uniform([10.0, -4.6, -2.9], [12.9, 4.6, 4.6], (4000, 3))
     local = local[np.hypot(local[:, 1], local[:, 2]) < 4.95]
     wall = RADIUS - np.hypot(local[:, 1], local[:, 2])
     exact = np.minimum.reduce([wall, local[:, 2] - FLOOR, FACE - local[:, 0]])
@@ -69,7 +69,7 @@ def test_field_agrees_with_the_exact_distance_to_a_tube_its_floor_and_face():
     error = np.abs(obstacles.distance(local @ rotation("z", 0.1).T) - exact)[near]
     assert near.sum() > 1000
     assert np.percentile(error, 95) < 0.02 and error.max() < 0.06
-    deep = np.array([[12.0, 0.0, 5.3], [12.0, 0.0, -3.3], [14.3, 0.0, 0.0]]) @ rotation("z", 0.1).T
+    deep = np.array([[12.0, 0.0, 5.3], [12.0, 0.0, -3.3], [13.3, 0.0, 0.0]]) @ rotation("z", 0.1).T
     assert (obstacles.distance(deep) < -0.2).all()
 
 
@@ -126,8 +126,8 @@ def test_kinds_are_told_apart():
     where = {
         Obstacle.WALL: [12.0, 0.0, 4.7],
         Obstacle.ARCH: [11.0, 0.0, 4.6],
-        Obstacle.FLOOR: [13.0, 0.0, -2.7],
-        Obstacle.FACE: [13.7, 0.0, 0.0],
+        Obstacle.FLOOR: [12.5, 0.0, -2.7],
+        Obstacle.FACE: [12.7, 0.0, 0.0],
         Obstacle.BODY: [10.5, 0.0, -1.2],
         Obstacle.CARRIER: [-2.0, 0.0, -0.4],
     }
@@ -140,7 +140,7 @@ def test_kinds_are_told_apart():
 
 def test_dust_and_falling_water_and_the_arm_itself_are_no_bodies():
     arm, rng = load_arm("kc"), np.random.default_rng(4)
-    dust = rng.uniform([6.0, -3.0, -2.0], [13.0, 3.0, 3.0], (600, 3))
+    dust = rng.uniform([6.0, -3.0, -2.0], [12.5, 3.0, 3.0], (600, 3))
     water = np.column_stack([rng.normal([12.0, 2.0], 0.01, (300, 2)), rng.uniform(-3.0, 4.0, 300)])
     start, end = (ends[0] for ends in make_body(arm).segments(arm, arm.zero_pose[None]))
     own = start[4] + rng.uniform(0, 1, (2000, 1)) * (end - start)[4] + rng.normal(0.0, 0.08, (2000, 3))
