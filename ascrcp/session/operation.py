@@ -98,7 +98,10 @@ class Operation:
         self._watch_motion(output)
         if self._lockstep:
             self._advance_scan(output)
-        return self._motion is not None or self._scanner is not None
+        motion = self._motion
+        # a motion that waits to be admitted must not keep lockstep from coming to rest: nothing is then
+        moving = motion is not None and output.motion >= motion[0]
+        return moving or self._scanner is not None
 
     def _watch_motion(self, output: CycleOutput) -> None:
         motion = self._motion
