@@ -124,7 +124,7 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
     return {
         "points": len(case.path),
         "solved": int(found.solved.sum()),
-        "missed": count_missed(arm, found, case.obstacles, model.least),
+        "missed": count_missed(arm, case.path, found, case.obstacles, model.least),
         "clearance_min_m": float(kept.min()),
         "clearance_p5_m": float(np.percentile(kept, 5)),
         "below_wanted": int((kept < model.wanted - model.cell / 10).sum()),
@@ -189,15 +189,17 @@ def choose_point_by_point(arm: Arm, path: SprayPath) -> Array:
     return q
 
 
-def count_missed(arm: Arm, found: PathSolution, obstacles: Obstacles, least: float) -> int:
-    """Count unsolved points for which a finer search finds a posture that keeps limits and clearance."""
+def count_missed(
+    arm: Arm, planned: SprayPath, found: PathSolution, obstacles: Obstacles, least: float
+) -> int:
+    """Count unsolved points that a finer search reaches, planned or tilted, within limits and clear."""
     model = arm.description.path
     assert model is not None
     lost = np.flatnonzero(~found.solved)
-    T = compensate(arm, spray_pose(found.path))[lost]
+    poses = np.stack([compensate(arm, spray_pose(path))[lost] for path in (planned, found.path)], axis=1)
     grid, missed = make_grid(arm, model, 2), 0
-    for pose in T:
-        q = solve_grid(arm, pose[None], grid).reshape(-1, arm.n)
+    for pose in poses:
+        q = solve_grid(arm, pose, grid).reshape(-1, arm.n)
         q = q[arm.within_limits(q)]
         missed += bool(len(q) and (clearance(arm, q, obstacles).distance >= least).any())
     return missed

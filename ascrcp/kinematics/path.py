@@ -85,7 +85,7 @@ def solve_path(
         raise InputError(f"start_q must be finite with shape ({arm.n},), not {start.shape}")
     if not len(path):
         raise InputError("the path holds no point")
-    report = progress or _ignore
+    report = _rising(progress)
     solver = PathSolver(arm, model, path, payload_kg, start, obstacles)
     report(0.0)
     q, best = solver.solve(report)
@@ -93,8 +93,17 @@ def solve_path(
     return _finish(solver, q, best)
 
 
-def _ignore(_: float) -> None:
-    """Take no notice of progress."""
+def _rising(progress: Progress | None) -> Progress:
+    """Report progress that never falls, though some steps are done twice."""
+    most = 0.0
+
+    def report(share: float) -> None:
+        nonlocal most
+        most = max(most, share)
+        if progress is not None:
+            progress(most)
+
+    return report
 
 
 def _finish(solver: PathSolver, q: Array, best: Array) -> PathSolution:

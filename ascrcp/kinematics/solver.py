@@ -26,15 +26,13 @@ from ascrcp.kinematics.rescue import Rescue, nearest_solved
 from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.seam import TURN, find_seam_tilt
 from ascrcp.kinematics.smooth import Keeper, make_cost, own_cost, smooth_chain
+from ascrcp.kinematics.spacing import STAND_OFF, distances, find_keys
 from ascrcp.kinematics.task import compute_error, project_task, spray_pose
 
 Progress = Callable[[float], None]
 
 ANCHORS = 24
 """Key points at which every roll is tried; elsewhere only the rolls that were of use at some anchor."""
-
-STAND_OFF = 1.0
-"""Nozzle to wall [m] (design.md section 1): carries a turn of the nozzle to the wall."""
 
 LAST_REDUNDANT = 6
 """Last joint the redundant ones still move at a given pose: beyond, wrist and nozzle are tied to it."""
@@ -104,10 +102,12 @@ class PathSolver:
             Joint vectors, NaN where unsolved (n, joints), and the best posture found by itself for
             every point that was unsolved on the way (n, joints), which tells why it failed.
         """
-        q = self.start_chain(_distances(self.T, self.model.far), report)
+        q = self.start_chain(distances(self.T, self.model.far), report)
         q = self.keep_good(self.smooth(q, report, 0.5, 0.65))
-        q = self.keep_clear(self.keep_side(q, report), report)
-        q, best = self.rescue(self.keep_least(q), report)
+        q, best = self.rescue(self.keep_least(self.keep_clear(self.keep_side(q, report), report)), report)
+        if self.barrier is not None:  # points that came back by themselves have had no feedback yet
+            q, again = self.rescue(self.keep_least(self.keep_clear(q, report)), report)
+            best = np.where(np.isfinite(again), again, best)
         # lone points may have come back on the other side of a stop
         q = self._settle(self.keep_side(q, report), q, report)
         return q, best
@@ -124,7 +124,7 @@ class PathSolver:
         Returns:
             Joint vectors, NaN between key points that have no candidate, shape (n, joints).
         """
-        keys = _find_keys(distance, self.model.key_spacing)
+        keys = find_keys(distance, self.model.key_spacing)
         grid = make_grid(self.arm, self.model)
         anchors = keys[np.linspace(0, len(keys) - 1, min(len(keys), ANCHORS)).astype(int)]
         rolls = find_rolls(self.arm, self.T[anchors], grid)
@@ -263,7 +263,7 @@ class PathSolver:
         live = np.flatnonzero(np.isfinite(q[:, 0]))
         if model is None or self.obstacles is None or not live.size:
             return q
-        stops = ~np.isfinite(_distances(self.T[live], self.model.far))
+        stops = ~np.isfinite(distances(self.T[live], self.model.far))
         for mark in (self.path.bay, self.path.overbreak):
             stops[1:] |= np.diff(mark[live].astype(np.int64)) != 0
         more = np.zeros_like(self.tilt)
@@ -283,7 +283,7 @@ class PathSolver:
             q = q.copy()
             q[live, i] = wanted
             self._tilt(more, model)
-            q = self.keep_good(self.smooth(q, report, 0.65, 0.65))
+            q = self.keep_good(self.smooth(q, report, 0.65, 0.65, FEEDBACK_SMOOTHING))
         return q
 
     def keep_clear(self, q: Array, report: Progress) -> Array:
@@ -310,7 +310,7 @@ class PathSolver:
     def _tilt(self, more: Array, model: ClearanceModel) -> None:
         step, limit = np.radians(model.tilt_step_deg), np.radians(model.tilt_limit_deg)
         tilt = add_tilt(self.tilt, more, self.planned.direction, step, limit)
-        strokes = np.cumsum(~np.isfinite(_distances(self.T, self.model.far)))
+        strokes = np.cumsum(~np.isfinite(distances(self.T, self.model.far)))
         self.tilt = spread_tilt(tilt, strokes, step)
         self.path = tilt_path(self.planned, self.tilt, STAND_OFF)
         self.T = compensate(self.arm, spray_pose(self.path), self.payload_kg)
@@ -328,7 +328,7 @@ class PathSolver:
 
     def _gaps(self, x: Array, T: Array) -> Array:
         """Distances along the chain of solved points, infinite where it cannot be continuous."""
-        gaps = _distances(T, self.model.far)
+        gaps = distances(T, self.model.far)
         gaps[1:][self._is_reroll(x[:-1], x[1:])] = np.inf
         return gaps
 
@@ -373,41 +373,8 @@ class PathSolver:
         """Mark the points the arm does not reach without stopping to spray, shape (n,)."""
         breaks = np.zeros(len(q), dtype=bool)
         live = np.flatnonzero(np.isfinite(q[:, 0]))
-        gaps = _distances(self.T[live], self.model.far)
+        gaps = distances(self.T[live], self.model.far)
         needed = (np.abs(np.diff(q[live], axis=0)) / self.arm.max_speed).max(axis=1, initial=0.0)
         gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + self.model.reroll_s] = np.inf
         breaks[live] = ~np.isfinite(gaps)
         return breaks
-
-
-def _distances(T: Array, far: float) -> Array:
-    """Distance from the pose before, infinite at the first and where the nozzle jumps farther than far.
-
-    The nozzle's way or that of the point sprayed at, whichever is longer: in a pocket the nozzle turns
-    almost on the spot.
-
-    Args:
-        T: Poses, shape (n, 4, 4).
-        far: Largest way of the nozzle that is sprayed through [m].
-
-    Returns:
-        Distances [m], shape (n,).
-    """
-    nozzle = T[:, :3, 3]
-    wall = nozzle + STAND_OFF * T[:, :3, 0]
-    way, sprayed = (np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (nozzle, wall))
-    return np.concatenate([[np.inf], np.where(way <= far, np.maximum(way, sprayed), np.inf)])
-
-
-def _find_keys(distance: Array, spacing: float) -> NDArray[np.int64]:
-    """Pick key points: the ends of every uncut stretch and one per spacing between; rising (k,)."""
-    n = len(distance)
-    keys, since = [0], 0.0
-    for i in range(1, n):
-        cut = not np.isfinite(distance[i])
-        since += 0.0 if cut else float(distance[i])
-        next_cut = i == n - 1 or not np.isfinite(distance[i + 1])
-        if cut or next_cut or since >= spacing:
-            keys.append(i)
-            since = 0.0
-    return np.array(keys, dtype=np.int64)
