@@ -145,8 +145,9 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
 def peak_acceleration(arm: Arm, path: SprayPath, q: Array, speed: float) -> float:
     """Largest joint acceleration over its limit along a path at a constant speed over the wall.
 
-    Second differences of the joints over the time between points; strokes that go on from point to
-    point count, moves between them do not.
+    Second differences of the joints over the time between points, within a pass. Where a joint needs so
+    much longer than spraying that the arm stops for it (as solving marks breaks), nothing is counted,
+    for whichever rule chose the joints.
 
     Args:
         arm: For the limits.
@@ -158,11 +159,12 @@ def peak_acceleration(arm: Arm, path: SprayPath, q: Array, speed: float) -> floa
     way = [np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (path.position, wall)]
     dt = np.maximum(np.maximum(*way), 0.05) / speed
     rate = np.diff(q, axis=0) / dt[:, None]
-    within = path.pass_index[2:] == path.pass_index[:-2]
-    rolled = (np.abs(np.diff(q[:, 6])) > np.pi / 2).astype(int)
-    within &= (rolled[1:] + rolled[:-1]) == 0
+    model = arm.description.path
+    assert model is not None
+    stops = ~((np.abs(np.diff(q, axis=0)) / arm.max_speed).max(axis=1) <= dt + model.reroll_s)
+    within = (path.pass_index[2:] == path.pass_index[:-2]) & ~stops[1:] & ~stops[:-1]
     bend = np.abs(np.diff(rate, axis=0)) / ((dt[1:] + dt[:-1]) / 2)[:, None] / arm.max_acceleration
-    return float(np.nanmax(bend[within]))
+    return float(bend[within].max())
 
 
 def choose_point_by_point(arm: Arm, path: SprayPath) -> Array:

@@ -109,8 +109,8 @@ class PathSolver:
             q, again = self.rescue(self.keep_least(self.keep_clear(q, report)), report)
             best = np.where(np.isfinite(again), again, best)
         # lone points may have come back on the other side of a stop
-        q = self._settle(self.keep_side(q, report), q, report)
-        return q, best
+        q, again = self.rescue(self._settle(self.keep_side(q, report), q, report), report)
+        return q, np.where(np.isfinite(again), again, best)
 
     def _settle(self, turned: Array, q: Array, report: Progress) -> Array:
         """Smooth a last time; what is lost by it stays as it was, if its pose is still the same."""
