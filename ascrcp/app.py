@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import to_builtins
 
 from ascrcp import __version__
 from ascrcp.control.config import ControlConfig
@@ -20,6 +21,7 @@ from ascrcp.devices.codec import Codec
 from ascrcp.devices.lidar import Lidar, LidarDeviceConfig, SickLidar
 from ascrcp.devices.machine_link import DBC, CanConfig, MachineLink, load_can_config
 from ascrcp.kinematics.arm import Arm, load_arm
+from ascrcp.kinematics.parameter import find_sensor_zero
 from ascrcp.perception.parameter import load_parameters as load_perception
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.safety.config import SafetyConfig
@@ -134,7 +136,7 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     arm = load_arm(options.machine)
     simulation = load_simulation(options.rig)
     profile = find_profile(options, simulation.tunnel)
-    can = load_can_config()
+    can = _calibrated(load_can_config(), arm)
     control = _control(arm)
     device = load(CONFIG / "devices" / "lidar.yaml", LidarDeviceConfig)
     perception, planning = load_perception(), load_planning()
@@ -185,9 +187,17 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
 def open_replay(round_: Round, bus: ReplayBus) -> Cycle:
     """Put a fresh control cycle together as the round's was, on recorded frames."""
     arm = load_arm(str(round_.manifest().get("machine", "kc")))
-    can = load_can_config()
+    can = _calibrated(load_can_config(), arm)
     link = MachineLink(bus, Codec(DBC), can, joints=arm.n)
     return Cycle(link, Tracker(arm, _control(arm)), _gate(arm), arm.forward)
+
+
+def _calibrated(can: CanConfig, arm: Arm) -> CanConfig:
+    """Shift the sensors' zeros by what a calibration found."""
+    tree = to_builtins(can)
+    for sensor, known, zero in zip(tree["sensors"], can.sensors, find_sensor_zero(arm), strict=True):
+        sensor["zero"] = known.zero - float(zero) / known.si_per_unit
+    return convert(tree, CanConfig, f"machine {arm.name}: calibrated sensors")
 
 
 def _control(arm: Arm) -> ControlConfig:

@@ -103,7 +103,13 @@ def recognise(options: Options, output: Output) -> int:
         raise InputError(f"{target}: not a folder")
     profile = find_profile(app_options(options, True), load_simulation(options.rig).tunnel)
     surface = stages.recognise(
-        target, given, options.machine, profile, load_perception(), progress=output.bar("recognise")
+        target,
+        given,
+        options.machine,
+        profile,
+        load_perception(),
+        options.load_kg,
+        progress=output.bar("recognise"),
     )
     round_ = Round(target)
     features = read_json(round_.features)

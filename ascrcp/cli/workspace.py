@@ -11,6 +11,7 @@ from ascrcp.cli.parser import Options
 from ascrcp.cli.table import table
 from ascrcp.cli.wall_cell import WallCells, imagine_heading, lay_cells
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import write_atomic
 from ascrcp.core.flow import Surface
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import load_profile
@@ -26,7 +27,7 @@ from ascrcp.kinematics.workspace import (
 )
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.session.round import Round
-from ascrcp.session.store import read_surface, write_atomic, write_json
+from ascrcp.session.store import read_surface, write_json
 
 DECIMALS = 4
 

@@ -75,9 +75,7 @@ def draw_reach(arm: Arm, cells: WallCells, reach: ReachMap) -> bytes:
     left.set_ylabel("section angle [deg]: 0 right, 90 crown, 180 left")
     asked, reached = int(cells.asked.sum()), int((cells.asked & reach.reachable).sum())
     left.set_title(f"{reached} of {asked} cells within reach ({reached / asked:.1%})")
-    figure.suptitle(
-        f"{arm.name}: nozzle square to the wall, obstacles not considered; grey: not asked"
-    )
+    figure.suptitle(f"{arm.name}: nozzle square to the wall, obstacles not considered; grey: not asked")
     return _png(figure)
 
 

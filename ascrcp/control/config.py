@@ -134,6 +134,7 @@ class TrackerConfig(Struct):
         slow_from: Share of tolerance at which the reference begins to slow down.
         slow_to: Share at which it stands.
         scale_rate: Largest change of the time scale [1/s].
+        scale_rise: Largest rise of the time scale [1/s].
         scale_ease_s: Time constant with which it follows tolerable errors.
         stall_s: Time without progress after which the run fails.
         start_deg: Largest error of a turning joint at which a sequence may begin.
@@ -155,6 +156,7 @@ class TrackerConfig(Struct):
     slow_from: Positive
     slow_to: Positive
     scale_rate: Positive
+    scale_rise: Positive
     scale_ease_s: Seconds
     stall_s: Seconds
     start_deg: Positive

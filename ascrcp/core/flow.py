@@ -102,7 +102,7 @@ class Axis(_Frozen):
     SHAPES: ClassVar = {"point": (3,), "direction": (3,)}
 
     @property
-    def T_base_tunnel(self) -> Array:  # noqa: N802, a transform's name (docs: frames)
+    def T_base_tunnel(self) -> Array:  # noqa: N802, a transform's name (design.md section 1)
         """Tunnel frame in the base frame: columns s, left, up; shape (4, 4)."""
         s = self.direction
         left = np.cross([0.0, 0.0, 1.0], s)

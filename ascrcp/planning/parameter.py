@@ -65,6 +65,7 @@ class TimingParameters(Struct):
         speed_fraction: Share of a joint's largest speed used on a stroke.
         acceleration_fraction: Share of a joint's largest acceleration used on a stroke.
         move_fraction: Share of speed, acceleration and jerk used between strokes.
+        settle_s: Rest between a move and the stroke after it, for the boom to stop swinging.
         gap_m: Nozzle points further apart than this are joined by a move without spraying.
         row_s: Longest time between rows.
     """
@@ -74,6 +75,7 @@ class TimingParameters(Struct):
     speed_fraction: Fraction
     acceleration_fraction: Fraction
     move_fraction: Fraction
+    settle_s: Annotated[float, Meta(ge=0.02, le=10.0)]
     gap_m: Annotated[float, Meta(ge=0.05, le=3.0)]
     row_s: Annotated[float, Meta(ge=0.02, le=0.5)]
 

@@ -68,9 +68,11 @@ def time_sequence(
     clock = 0.0
     for number, stroke in enumerate(strokes):
         if number > 0:
-            duration, t, joints = plan_move(arm, q[strokes[number - 1][-1]], q[stroke[0]], parameters)
-            parts.append(_shift(_reposition(arm, t, joints), clock))
-            clock += duration
+            begin = q[stroke[0]]
+            duration, t, joints = plan_move(arm, q[strokes[number - 1][-1]], begin, parameters)
+            arrive = _reposition(arm, np.append(t, duration), np.vstack([joints, begin]))
+            parts.append(_shift(arrive, clock))
+            clock += duration + parameters.settle_s
         rows = _spray(arm, path, q, stroke, parameters)
         parts.append(_shift(rows, clock))
         clock += float(rows.t[-1])

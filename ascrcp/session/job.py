@@ -150,6 +150,7 @@ def recognise_and_solve(desk: Desk) -> None:
             setup.machine,
             setup.profile,
             setup.perception,
+            setup.payload_kg,
             share=(0.25, 0.6),
         )
     session.show(surface=surface)

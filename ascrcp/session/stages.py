@@ -15,6 +15,7 @@ from ascrcp.core.flow import Cloud, JointSequence, SprayPath, Surface
 from ascrcp.core.profile import Profile
 from ascrcp.kinematics.arm import load_arm
 from ascrcp.kinematics.path import solve_path
+from ascrcp.kinematics.sag import sagged_lidar
 from ascrcp.perception.features import build_features
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.project import project
@@ -42,6 +43,7 @@ def recognise(
     machine: str,
     profile: Profile,
     parameters: PerceptionParameters,
+    payload_kg: float = 0.0,
     progress: Progress = _quiet,
 ) -> Surface:
     """Scan or cloud file -> surface.npz, features.json, cloud.ply in the folder.
@@ -52,13 +54,14 @@ def recognise(
         machine: Machine name or YAML, for the lidar's place on the arm.
         profile: Design profile.
         parameters: Of recognition.
+        payload_kg: Concrete in the hose while scanning, for the sag of the lidar's place [kg].
         progress: Called with the fraction done.
 
     Raises:
         InputError: Nothing readable, or no tunnel in it; nothing is written then.
     """
     round_ = Round(folder)
-    cloud = read_cloud(cloud_file) if cloud_file is not None else _projected(round_, machine)
+    cloud = read_cloud(cloud_file) if cloud_file is not None else _projected(round_, machine, payload_kg)
     progress(0.2)
     timing: dict[str, float] = {}
     surface = recognise_cloud(
@@ -71,9 +74,9 @@ def recognise(
     return surface
 
 
-def _projected(round_: Round, machine: str) -> Cloud:
+def _projected(round_: Round, machine: str, payload_kg: float) -> Cloud:
     scan = read_scan(round_.need("scan", "scan"))
-    return project(scan, load_arm(machine).lidar(scan.q))
+    return project(scan, sagged_lidar(load_arm(machine), scan.q, payload_kg))
 
 
 def plan(folder: Path, config: PlanningParameters, progress: Progress = _quiet) -> SprayPath:

@@ -34,7 +34,7 @@ class TraceCollector:
                 *truth[:3, 0].tolist(),
                 *tip[:3, 3].tolist(),
                 *tip[:3, 0].tolist(),
-                float(track.spraying),
+                float(output.verdict.command.pump > 0.0),
                 float(passed),
                 *track.error_q,
             )
