@@ -166,7 +166,8 @@ def test_without_a_sequence_it_holds():
 
 def test_point_is_reached_waited_for_skipped_or_failed():
     judge = PointJudge([(1.0, 0), (2.0, 1), (3.0, 2)], CONTROL.tracker)
-    near, far, unsafe = TipError(0.05, 0.0), TipError(0.08, 0.0), TipError(0.2, 0.0)
+    tolerance, safe = judge.tolerance[0], CONTROL.tracker.safe_mm * 1e-3
+    near, far, unsafe = (TipError(d, 0.0) for d in (0.9 * tolerance, 0.9 * safe, 2.0 * safe))
     judge.update(0.5, near)
     assert judge.point == 0 and judge.reached == 0
     judge.update(1.0, near)

@@ -147,7 +147,7 @@ def moving(cell: Cell) -> None:
     """Bring the arm into motion."""
     cell.tracker.follow(plan_move(ARM, cell.inputs.q, cell.inputs.q + np.array([0.5] + [0.0] * 7), CONTROL))
     cell.cycle(start=True)
-    for _ in range(60):
+    for _ in range(150):
         cell.cycle()
     assert abs(cell.drives[-1][0]) > 0.2
 
