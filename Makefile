@@ -3,7 +3,7 @@
 
 BIN = .venv/bin
 
-.PHONY: run test setup lint format lock
+.PHONY: run test setup lint format lock proof bench
 
 run: setup
 	$(BIN)/ascrcp $(ARGS)
@@ -25,6 +25,14 @@ lint: setup
 format: setup
 	$(BIN)/ruff check --fix
 	$(BIN)/ruff format
+
+# The kinematics' promises at full size: 240,000 round trips and a numeric search beside. Minutes.
+proof: setup
+	$(BIN)/ascrcp bench proof $(ARGS)
+
+# Every figure beside its aim; beside peers too, once they are installed: .tools/bin/uv sync --group peers
+bench: setup
+	$(BIN)/ascrcp bench $(ARGS)
 
 # After a change of dependencies in pyproject.toml; commit uv.lock with it.
 lock: setup

@@ -37,15 +37,20 @@ done
 # shellcheck disable=SC2016  # expanded inside the namespace
 inside='
 root=$1 shared=$2; shift 2
+peak=$root/tmp/peak measure=()
+[ ! -x /usr/bin/time ] || measure=(/usr/bin/time -q -f %M -o "$peak")
 mount -t proc proc "$root/proc"
 mount --rbind /dev "$root/dev"
 [ ! -d "$shared" ] || mount --bind -o ro "$shared" "$root/src/shared"
 status=0
 for command in "$@"; do
     begin=$(date +%s%N)
-    env -i "${pass[@]}" chroot "$root" /bin/bash -c "cd /src/ascrcp && $command" </dev/null && code=0 || code=$?
-    echo "=== $command: exit $code, $((($(date +%s%N) - begin) / 1000000)) ms"
+    env -i "${pass[@]}" "${measure[@]}" chroot "$root" /bin/bash -c "cd /src/ascrcp && $command" </dev/null &&
+        code=0 || code=$?
+    echo "=== $command: exit $code, $((($(date +%s%N) - begin) / 1000000)) ms" \
+        "$([ ! -s "$peak" ] || awk "{ printf \"largest process %d MB\", \$NF / 1024 }" "$peak")"
     [ $code = 0 ] || status=1
 done
+echo "=== disk: checkout with .venv $(du -sm "$root/src/ascrcp" | cut -f1) MB, whole root $(du -smx "$root" | cut -f1) MB"
 exit $status'
 unshare --mount --pid --fork bash -c "$(declare -p pass); $inside" bare "$ROOT" ../shared "$@"
