@@ -17,9 +17,9 @@ ROW_PX, HEADER_PX = 26, 28
 STALE = "▲"
 """Set before a value that is too old."""
 
-WIDEST = ("", f"{STALE} 2200 mm", "2200 mm", "+2200 mm", "+100 %")
+WIDEST = ("", f"{STALE} 2200 mm", "2200 mm", "-800 mm", "+100 %")
 """Widest text of each column after the first, which takes what is left."""
-PADDING_PX = 14
+PADDING_PX = 17
 
 Index = QModelIndex | QPersistentModelIndex
 

@@ -13,6 +13,7 @@ from pytestqt.qtbot import QtBot
 from rehearsal import Rehearsal, make_scene
 
 from ascrcp.core.event import EVENTS, Reaction
+from ascrcp.hmi.joint_table import JointTable
 from ascrcp.hmi.status_panel import platform_state
 from ascrcp.hmi.text import STEP_NAME, Language, say
 from ascrcp.hmi.theme import Screen
@@ -360,7 +361,7 @@ def test_a_refresh_is_short(open_window: Opener) -> None:
 def check_columns(window: Window) -> None:
     table = window.joints
     names = [table.joint_model.data(table.joint_model.index(row, 0)) for row in range(8)]
-    for column, texts in enumerate((names, ["▲ 2200 mm"], ["2200 mm"], ["+2200 mm"], ["-100 %"])):
+    for column, texts in enumerate((names, ["▲ 2200 mm"], ["2200 mm"], ["-800 mm"], ["-100 %"])):
         needed = max(map(table.fontMetrics().horizontalAdvance, texts))
         assert needed + 12 <= table.columnWidth(column), texts
 
@@ -388,3 +389,18 @@ def test_no_text_is_cut(open_window: Opener) -> None:
                     assert button.fontMetrics().size(0, button.text()).width() <= button.width(), (
                         button.text()
                     )
+
+
+@pytest.mark.parametrize("language", Language)
+def test_no_value_in_the_joint_table_is_cut(open_window: Opener, language: Language) -> None:
+    session = ready(3)
+    far = (-np.pi, -0.436, 1.9, -1.2, -0.65, 2.2, 6.28, 4.18)
+    session.more = {"q": far, "q_target": far, "drive": (-1.0,) * 8, "age_ms": (999.0,) * 8}
+    window = open_window(session, language)
+    refresh(window, 2)
+    table = window.findChild(JointTable)
+    assert table is not None
+    for row, column in product(range(8), range(5)):
+        index = table.joint_model.index(row, column)
+        needed = table.sizeHintForIndex(index).width()
+        assert needed <= table.columnWidth(column), f"{index.data()!r} needs {needed} px"
