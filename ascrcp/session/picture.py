@@ -51,7 +51,7 @@ def unrolled_wall(surface: Surface, path: SprayPath | None) -> bytes:
             shading="nearest",
         )
         ax.figure.colorbar(mesh, ax=ax, label="offset from design line [mm], outward positive")
-        for arch in surface.arches:
+        for number, arch in enumerate(surface.arches, start=1):
             lean = np.tan(np.radians(arch.lean_deg))
             z = surface.profile.point(surface.along)[:, 1]
             z = z - z.max()  # an arch's station is that of its crown
@@ -59,7 +59,7 @@ def unrolled_wall(surface: Surface, path: SprayPath | None) -> bytes:
             for side in (-0.5, 0.5):
                 ax.plot((arch.station + side * arch.width + lean * z)[span], angle[span], "k-", lw=1.5)
             top = (arch.station, float(angle.max()) + 2)
-            ax.annotate(f"arch\n{arch.station:.2f} m", top, ha="center", va="bottom", annotation_clip=False)
+            ax.annotate(f"arch {number}", top, ha="center", va="bottom", annotation_clip=False)
         for i, region in enumerate(surface.overbreak):
             (s0, s1), (a0, a1) = region.station, region.angle_deg
             ax.plot([s0, s1, s1, s0, s0], [a0, a0, a1, a1, a0], color="#6a1b9a", lw=2)
