@@ -299,12 +299,12 @@ def stretch(inside: Array, count: Array, share: float) -> tuple[int, int, int]:
     total = np.concatenate([[0.0], np.cumsum(gain)])
     # the farthest later place at which the sum is not lower: running maximum from the right
     reach = np.maximum.accumulate(total[::-1])[::-1]
-    best = (0, -1, 0)
-    for i in range(len(seen)):
-        j = len(reach) - 1 - int(np.searchsorted(reach[::-1], total[i] - 1e-9))
-        if j - i > best[2]:
-            best = (int(seen[i]), int(seen[j - 1]), j - i)
-    return best
+    last = len(reach) - 1 - np.searchsorted(reach[::-1], total[:-1] - 1e-9)
+    length = last - np.arange(len(seen))
+    i = int(length.argmax())
+    if length[i] <= 0:
+        return 0, -1, 0
+    return int(seen[i]), int(seen[last[i] - 1]), int(length[i])
 
 
 def _longest(flags: list[bool]) -> int:

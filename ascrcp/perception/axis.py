@@ -8,7 +8,7 @@ from ascrcp.core.flow import Axis
 from ascrcp.core.geometry import Array, unit
 from ascrcp.core.profile import Profile
 from ascrcp.perception.arch import Ring
-from ascrcp.perception.fit import DROPPED, NO_ARCH, check_fit, fit_axis
+from ascrcp.perception.fit import DROPPED, NO_ARCH, approach_axis, check_fit, fit_axis
 from ascrcp.perception.normal import direction_from_normals, estimate_normals
 from ascrcp.perception.parameter import AxisParameters
 from ascrcp.perception.profile_line import between
@@ -17,18 +17,22 @@ from ascrcp.perception.voxel import first_of_each
 
 _PIXEL = 0.10  # of the section picture the profile is matched in [m]
 _SLAB = 0.5  # stations are counted once per slab, so that the face does not outweigh the wall [m]
-_FIT_VOXEL = (
-    0.08  # the fit takes one point of each: few near the lidar, all far from it, where they are rare [m]
-)
+_FIT_VOXEL = 0.08  # the fit takes one point of each [m]
+_FIRST_VOXEL = 0.16  # likewise its first, wide steps [m]
 _SIDE = 0.03  # the arch's edges are left out of the second fit by this much [m]
 _BAND = 0.10  # wall is looked for this far inside the arch line and outside the overbreak line [m]
+
+
+def thin(points: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Keep the points the fit needs, shape (m, 3): even in space, few near the lidar, all far from it."""
+    return points[first_of_each(points, _FIT_VOXEL)]
 
 
 def find_axis(points: NDArray[np.float32], profile: Profile, parameters: AxisParameters) -> Axis:
     """Find the axis of the tunnel a cluster of points belongs to.
 
     Args:
-        points: The tunnel's points without floor, base frame [m], shape (n, 3).
+        points: The tunnel's points without floor, thinned, base frame [m], shape (n, 3).
         profile: Design profile.
         parameters: Bounds and cells of the fit.
 
@@ -40,9 +44,11 @@ def find_axis(points: NDArray[np.float32], profile: Profile, parameters: AxisPar
     """
     normals, flatness = estimate_normals(points)
     direction = direction_from_normals(normals, flatness, parameters.max_yaw_deg)
-    some = points[first_of_each(points, _FIT_VOXEL)]
-    start = axis_through(match_profile(some, direction, profile), direction)
-    fit = fit_axis(some, start, profile, parameters)
+    start = axis_through(match_profile(points, direction, profile), direction)
+    # far off a coarse fit does, the fine one then needs few steps
+    few = points[first_of_each(points, _FIRST_VOXEL)]
+    start = approach_axis(few, start, profile, parameters)
+    fit = fit_axis(points, start, profile, parameters)
     check_fit(fit, profile, parameters)
     return fit.axis
 
@@ -57,7 +63,7 @@ def refine_axis(
     """Fit once more with the arches known: each is one ring, however it leans.
 
     Args:
-        points: The tunnel's points without floor, base frame [m], shape (n, 3).
+        points: The tunnel's points without floor, thinned, base frame [m], shape (n, 3).
         axis: Axis the arches were found with.
         rings: Arches.
         profile: Design profile.
@@ -66,8 +72,7 @@ def refine_axis(
     Returns:
         The better axis.
     """
-    some = points[first_of_each(points, _FIT_VOXEL)]
-    flat = unroll(some, axis, profile)
+    flat = unroll(points, axis, profile)
     arch = np.full(len(flat), NO_ARCH, dtype=np.int64)
     inner = flat.offset < between(profile)
     for number, ring in enumerate(rings):
@@ -75,7 +80,7 @@ def refine_axis(
         # the arch's sides and what hides behind its edges belong to no ring
         arch[inner & (distance < ring.width / 2 + _SIDE)] = DROPPED
         arch[inner & (distance < ring.width / 2 - _SIDE)] = number
-    return fit_axis(some, axis, profile, parameters, arch).axis
+    return fit_axis(points, axis, profile, parameters, arch).axis
 
 
 def axis_through(point: Array, direction: Array) -> Axis:

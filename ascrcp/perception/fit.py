@@ -25,7 +25,9 @@ _INSIDE, _OUTSIDE = 0.45, 0.45  # band about the two lines that is looked at in 
 _FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
 _SETTING_OUT = 0.015  # rings are not concentric: arches are set out, concrete is sprayed; placeholder [m]
 _TUKEY = 4.0  # cells farther off than this many scales are no evidence; usual choice 4..6
-_CONVERGED = 2e-5  # a smaller move ends the iteration [m, rad]
+_FIRST_SCALE = 0.15  # of the cells' errors, before the axis is near [m]
+_NEAR = 5e-4  # a smaller move ends the approach [m, rad]
+_CONVERGED = 2e-5  # a smaller move ends the fit [m, rad]
 _MIN_CELLS = 8  # a ring with fewer cells says nothing about its centre
 _SPRAYED_LENGTH = 1.5  # more of the arch line than this seen is the sprayed part, not arches [m]
 _ONE_SURFACE = 0.10  # points spread over all of the band would have 0.19 m, rock in a cell has 0.03 m
@@ -84,7 +86,7 @@ def fit_axis(
 
     Args:
         points: Tunnel points, base frame [m], shape (n, 3).
-        start: First estimate, good to about 2 deg and 0.3 m.
+        start: First estimate, good to what `approach_axis` leaves.
         profile: Design profile.
         parameters: Cells and number of iterations.
         arch: Once arches are known, the arch each point lies on, NO_ARCH or DROPPED, shape (n,).
@@ -97,18 +99,11 @@ def fit_axis(
         RecognitionError: If too little wall is seen to fit anything.
     """
     axis = start
-    # narrows step by step: far cells may count at first only
-    scale = 0.15 if arch is None else _FLOOR
-    for step in range(parameters.iterations):
-        wide = arch is None and step < parameters.iterations // 2
+    for _ in range(parameters.iterations):
         flat = unroll(points, axis, profile)
-        cells = _gather(flat, profile, parameters, wide, arch)
-        move, _, weight = _solve(cells, profile, scale)
-        middle = float(np.average(cells.station, weights=weight))
-        axis = _moved(axis, move, middle)
-        if not wide and scale <= _FLOOR and float(np.abs(move).max()) < _CONVERGED:
+        axis, move = _step(axis, _gather(flat, profile, parameters, False, arch), profile, _FLOOR)
+        if float(np.abs(move).max()) < _CONVERGED:
             break
-        scale = max(_FLOOR, scale * 0.5)
     flat = unroll(points, axis, profile)
     cells = _gather(flat, profile, parameters, False, arch)
     _, spread, weight = _solve(cells, profile, _FLOOR)
@@ -121,6 +116,39 @@ def fit_axis(
         evidence=evidence,
     )
     return _describe(axis, flat, cells, profile, parameters)
+
+
+def approach_axis(
+    points: NDArray[np.float32], start: Axis, profile: Profile, parameters: AxisParameters
+) -> Axis:
+    """Bring the axis near: a wide band at first, in which far cells may count, then ever narrower.
+
+    Args:
+        points: Tunnel points, few are enough, base frame [m], shape (n, 3).
+        start: First estimate, good to about 2 deg and 0.3 m.
+        profile: Design profile.
+        parameters: Cells and number of iterations.
+
+    Returns:
+        The axis, good to about 0.1 deg and 10 mm.
+
+    Raises:
+        RecognitionError: If too little wall is seen to fit anything.
+    """
+    axis, scale = start, _FIRST_SCALE
+    for step in range(parameters.iterations):
+        wide = step < parameters.iterations // 2
+        flat = unroll(points, axis, profile)
+        axis, move = _step(axis, _gather(flat, profile, parameters, wide, None), profile, scale)
+        if not wide and scale <= _FLOOR and float(np.abs(move).max()) < _NEAR:
+            break
+        scale = max(_FLOOR, scale * 0.5)
+    return axis
+
+
+def _step(axis: Axis, cells: _Cells, profile: Profile, scale: float) -> tuple[Axis, Array]:
+    move, _, weight = _solve(cells, profile, scale)
+    return _moved(axis, move, float(np.average(cells.station, weights=weight))), move
 
 
 def check_fit(fit: Fit, profile: Profile, parameters: AxisParameters) -> None:

@@ -12,7 +12,7 @@ from ascrcp.core.errors import RecognitionError
 from ascrcp.core.flow import Axis, Cloud, Label, Surface
 from ascrcp.core.profile import Profile
 from ascrcp.perception.arch import Ring, find_arches, to_arch
-from ascrcp.perception.axis import find_axis, refine_axis
+from ascrcp.perception.axis import find_axis, refine_axis, thin
 from ascrcp.perception.bay import find_bays
 from ascrcp.perception.cluster import cluster
 from ascrcp.perception.crop import crop
@@ -85,7 +85,8 @@ def recognise(
     with step("cluster"):
         owner = cluster(above, parameters.cluster)
     with step("axis"):
-        axis = find_axis(above[owner == 0], profile, parameters.axis)
+        tunnel = thin(above[owner == 0])
+        axis = find_axis(tunnel, profile, parameters.axis)
     with step("section"):
         slices = _cut(above, owner, axis, profile, parameters)
         _check_heading(slices, profile)
@@ -93,7 +94,7 @@ def recognise(
         rings = _arches(slices, profile, parameters)
         if rings:
             # where an arch leans its slices are half rock: now that it is known, fit once more
-            axis = refine_axis(above[owner == 0], axis, rings, profile, parameters.axis)
+            axis = refine_axis(tunnel, axis, rings, profile, parameters.axis)
             slices = _cut(above, owner, axis, profile, parameters)
             rings = _arches(slices, profile, parameters)
     flat, extent = slices.flat, slices.extent

@@ -38,7 +38,18 @@ def test_voxel_keeps_at_least_one_point_of_every_voxel(n: int, size: float, seed
     cell = ((points - points.min(axis=0)) * np.float32(1.0 / size)).astype(int)
     whole = {tuple(c) for c in cell}
     assert {tuple(c) for c in cell[keep]} == whole
-    assert len(whole) <= keep.sum() <= 1.02 * len(whole) + 2
+    assert (np.diff(keep) > 0).all()
+    assert len(whole) <= len(keep) <= 1.02 * len(whole) + 2
+
+
+def test_voxel_in_two_threads_still_sees_every_voxel_and_repeats() -> None:
+    points = np.random.default_rng(4).uniform(-3, 3, (500_000, 3)).astype(np.float32)
+    keep = first_of_each(points, 0.1)
+    cell = ((points - points.min(axis=0)) * np.float32(1.0 / 0.1)).astype(int)
+    key = cell @ [10_000, 100, 1]
+    whole = len(np.unique(key))
+    assert len(np.unique(key[keep])) == whole <= len(keep) <= 1.02 * whole
+    assert np.array_equal(keep, first_of_each(points, 0.1))
 
 
 def test_voxel_grows_until_few_enough_are_left() -> None:
