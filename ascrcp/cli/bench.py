@@ -54,10 +54,14 @@ def bench(options: Options, output: Output) -> int:
         figures += measure_inverse(options.machine, options.seed, output.say)
         figures += measure_paths(options.machine, output.say)
     proofs: list[Figure] = []
+    if options.which in ("all", "headings"):
+        from ascrcp.cli.bench_headings import measure_headings
+
+        proofs += measure_headings(options.machine, options.seed, output.say)
     if options.which in ("all", "proof"):
         from ascrcp.cli.bench_proof import prove_inverse
 
-        proofs = prove_inverse(options.machine, options.seed, output.say)
+        proofs += prove_inverse(options.machine, options.seed, output.say)
     failed = [figure.what for figure in proofs if figure.is_met is False]
     tree = {
         "ok": not failed,

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ascrcp.cli.bench import Figure, Say
+from ascrcp.cli.point_rule import follow_point_by_point, peak_acceleration
 from ascrcp.core.config import load
 from ascrcp.core.flow import JointSequence, Scan, SprayPath, Surface
 from ascrcp.core.geometry import Array
 from ascrcp.core.paths import CONFIG
 from ascrcp.kinematics.arm import Arm, load_arm
-from ascrcp.kinematics.candidate import find_candidates, make_grid, solve_grid
-from ascrcp.kinematics.choice import travel_cost
+from ascrcp.kinematics.candidate import make_grid, solve_grid
 from ascrcp.kinematics.clearance import clearance
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.path import PathSolution, solve_path
@@ -34,6 +35,12 @@ PAN_STEP_DEG = 0.4
 
 STAND_OFF = 1.0
 """Carries a turn of the nozzle to the wall [m], as in solving."""
+
+
+LEAST_WAY = 0.05
+"""Neighbouring points are taken as at least so far apart [m]."""
+
+HEADINGS = 20
 
 
 @dataclass(frozen=True)
@@ -68,10 +75,72 @@ def make_case(arm: Arm, seed: int, bodies: bool = False) -> Case:
     )
 
 
-def bench_headings(count: int = 20, seed: int = 0, bodies: bool = False) -> dict[str, Any]:
+def measure_headings(machine: str, seed: int, say: Say) -> list[Figure]:
+    """Hold the solver to its promises on random headings; no figure but the times hangs on the computer.
+
+    Args:
+        machine: Name of the arm.
+        seed: Of the first heading; the others follow it.
+        say: Takes progress.
+    """
+    description = load_arm(machine).description
+    if description.path is None or description.clearance is None or description.lidar is None:
+        return [
+            Figure("random headings", None, "", note=f"machine {machine} does not spray by a lidar's scan")
+        ]
+    say(f"bench: {HEADINGS} random headings")
+    all_ = bench_headings(machine, HEADINGS, seed)
+    points = f"{all_['solved']} of {all_['points']} points solved on {HEADINGS} headings"
+    ratio, least = all_["acceleration_ratio_median"], description.clearance.least
+    return [
+        Figure("reachable points missed", all_["missed"], "", 0.0, note=f"{points}; beside a finer search"),
+        Figure("joint speed, share of its limit", all_["joint_speed_share_max"], "", 1.0, note="largest"),
+        Figure(
+            "peak acceleration, paper's rule over ours, headings",
+            all_["acceleration_ratio_min"],
+            "x",
+            3.0,
+            more_is_better=True,
+            note=f"least of the headings, median {ratio:.2g}",
+        ),
+        Figure(
+            "clearance while spraying",
+            all_["clearance_min_m"],
+            "m",
+            least,
+            more_is_better=True,
+            note=f"least; {all_['below_wanted']} points below {description.clearance.wanted:g} m",
+        ),
+        Figure(
+            "moves between strokes that come too near",
+            all_["moves_below_least"],
+            "",
+            0.0,
+            note=f"below {least:g} m; nearest {all_['move_clearance_min_m']:.2g} m",
+        ),
+        Figure("points tilted", all_["tilted"], "", note=f"by at most {all_['tilt_max_deg']:.3g} deg"),
+        Figure(
+            "breaks a heading",
+            all_["breaks_mean"],
+            "",
+            note=f"mean; {all_['breaks_mean_without_feedback']:.3g} without obstacles",
+        ),
+        Figure(
+            "solving a heading",
+            all_["solve_s"],
+            "s",
+            note=f"mean, processor time; {all_['solve_without_obstacles_s']:.2g} s without obstacles",
+        ),
+    ]
+
+
+def bench_headings(
+    machine: str = "kc", count: int = HEADINGS, seed: int = 0, bodies: bool = False
+) -> dict[str, Any]:
     """Solve the paths of random headings and judge them.
 
     Args:
+        machine: Name of the arm.
         count: Number of headings.
         seed: Of the first; the others follow it.
         bodies: Whether vehicles and people in the scan are obstacles.
@@ -82,7 +151,7 @@ def bench_headings(count: int = 20, seed: int = 0, bodies: bool = False) -> dict
         largest tilt [deg], breaks, joint speed over its limit at the timed speed, ratio of the paper's
         rule's peak acceleration to ours (least and median heading), clearance of moves [m], seconds.
     """
-    arm = load_arm("kc")
+    arm = load_arm(machine)
     figures = [_judge(arm, make_case(arm, seed + i, bodies)) for i in range(count)]
     ratios = [f["acceleration_ratio"] for f in figures]
     return {
@@ -118,8 +187,11 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
     sequence = time_sequence(arm, found.path, found.q, found.break_before, config)
     speed = np.abs(np.diff(sequence.q, axis=0)) / np.diff(sequence.t)[:, None] / arm.max_speed
     free, moves, blocked = _moves(arm, sequence, case.obstacles, model.least)
-    ours = peak_acceleration(arm, found.path, found.q, config.nozzle_speed_m_s)
-    paper = peak_acceleration(arm, case.path, choose_point_by_point(arm, case.path), config.nozzle_speed_m_s)
+    by_rule = follow_point_by_point(arm, compensate(arm, spray_pose(case.path)), arm.zero_pose)
+    paper, ours = (
+        float(peak_acceleration(arm, q, find_gaps(arm, path, q, config.nozzle_speed_m_s)).max())
+        for path, q in ((case.path, by_rule), (found.path, found.q))
+    )
     kept = found.clearance[found.solved]
     return {
         "points": len(case.path),
@@ -133,7 +205,7 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
         "breaks": int(found.break_before.sum()),
         "breaks_without": int(plain.break_before.sum()),
         "joint_speed_share": float(speed.max()),
-        "acceleration_ratio": float(paper / ours),
+        "acceleration_ratio": paper / ours,
         "moves": moves,
         "move_clearance_m": free,
         "moves_below_least": blocked,
@@ -142,12 +214,11 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
     }
 
 
-def peak_acceleration(arm: Arm, path: SprayPath, q: Array, speed: float) -> float:
-    """Largest joint acceleration over its limit along a path at a constant speed over the wall.
+def find_gaps(arm: Arm, path: SprayPath, q: Array, speed: float) -> Array:
+    """Return the time from the point before at a constant speed over the wall [s], shape (n,).
 
-    Second differences of the joints over the time between points, within a pass. Where a joint needs so
-    much longer than spraying that the arm stops for it (as solving marks breaks), nothing is counted,
-    for whichever rule chose the joints.
+    Infinite between passes and where a joint needs so much longer than spraying that the arm stops for
+    it (as solving marks breaks), for whichever rule chose the joints.
 
     Args:
         arm: For the limits.
@@ -155,40 +226,14 @@ def peak_acceleration(arm: Arm, path: SprayPath, q: Array, speed: float) -> floa
         q: Joints at them, NaN where there are none, shape (n, joints).
         speed: Of the nozzle or of the sprayed point, whichever is faster [m/s].
     """
+    model = arm.description.path
+    assert model is not None
     wall = path.position + STAND_OFF * path.direction
     way = [np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (path.position, wall)]
-    dt = np.maximum(np.maximum(*way), 0.05) / speed
-    rate = np.diff(q, axis=0) / dt[:, None]
-    model = arm.description.path
-    assert model is not None
-    stops = ~((np.abs(np.diff(q, axis=0)) / arm.max_speed).max(axis=1) <= dt + model.reroll_s)
-    within = (path.pass_index[2:] == path.pass_index[:-2]) & ~stops[1:] & ~stops[:-1]
-    bend = np.abs(np.diff(rate, axis=0)) / ((dt[1:] + dt[:-1]) / 2)[:, None] / arm.max_acceleration
-    return float(bend[within].max())
-
-
-def choose_point_by_point(arm: Arm, path: SprayPath) -> Array:
-    """Solve a path by the paper's rule: each point the least weighted travel from the one before.
-
-    Args:
-        arm: The arm.
-        path: n points.
-
-    Returns:
-        Joint vectors, NaN where the grid of candidates has none within limits, shape (n, joints).
-    """
-    model = arm.description.path
-    assert model is not None
-    grid, T = make_grid(arm, model), compensate(arm, spray_pose(path))
-    q = np.full((len(path), arm.n), np.nan)
-    last, increment = arm.zero_pose, None
-    for start in range(0, len(path), 32):
-        for i, found in enumerate(find_candidates(arm, T[start : start + 32], grid), start=start):
-            if not len(found):
-                continue
-            q[i] = found[travel_cost(arm, found, last, increment).argmin()]
-            last, increment = q[i], q[i] - last
-    return q
+    dt = np.maximum(np.maximum(*way), LEAST_WAY) / speed
+    runs_on = (np.abs(np.diff(q, axis=0)) / arm.max_speed).max(axis=1) <= dt + model.reroll_s
+    runs_on &= np.diff(path.pass_index) == 0
+    return np.concatenate([[np.inf], np.where(runs_on, dt, np.inf)])
 
 
 def count_missed(

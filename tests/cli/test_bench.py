@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from ascrcp.__main__ import main
-from ascrcp.cli import bench_inverse, bench_proof
+from ascrcp.cli import bench_headings, bench_inverse, bench_proof
 from ascrcp.cli.bench import Figure, time_per_item
+from ascrcp.cli.bench_headings import find_gaps, measure_headings
 from ascrcp.cli.bench_inverse import measure_inverse
 from ascrcp.cli.bench_path import make_path
 from ascrcp.cli.point_rule import follow_point_by_point, peak_acceleration
@@ -63,6 +64,32 @@ def test_peak_acceleration_of_a_parabola_is_its_own():
     np.testing.assert_allclose(peak_acceleration(arm, q, gap), 1.0, rtol=1e-9)
     q[3] = np.nan
     np.testing.assert_allclose(peak_acceleration(arm, q, gap), 1.0, rtol=1e-9)
+
+
+def test_gaps_are_the_time_of_the_way_and_endless_where_the_arm_stops():
+    arm, path, speed = load_arm("kc"), make_path(300), 0.2
+    q = np.tile(arm.zero_pose, (len(path), 1))
+    gap = find_gaps(arm, path, q, speed)
+    new_pass = np.concatenate([[True], np.diff(path.pass_index) != 0])
+    assert (np.isinf(gap) == new_pass).all()
+    wall = path.position + path.direction
+    way = [np.linalg.norm(np.diff(p, axis=0), axis=1) for p in (path.position, wall)]
+    np.testing.assert_allclose(gap[~new_pass], (np.maximum(*way) / speed)[~new_pass[1:]])
+    q[5:, 6] += 2 * np.pi  # rolls round
+    q[8] = np.nan
+    stopped = np.flatnonzero(np.isinf(find_gaps(arm, path, q, speed)) & ~new_pass)
+    assert stopped.tolist() == [5, 8, 9]
+
+
+def test_a_random_heading_is_judged(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(bench_headings, "HEADINGS", 1)
+    monkeypatch.setattr(bench_headings, "PAN_STEP_DEG", 1.0)
+    figures = {figure.what: figure for figure in measure_headings("kc", 3, lambda _: None)}
+    assert figures["reachable points missed"].is_met
+    assert figures["joint speed, share of its limit"].is_met
+    assert figures["clearance while spraying"].is_met
+    assert figures["points tilted"].is_met is None
+    assert measure_headings("muck", 3, lambda _: None)[0].value is None
 
 
 def test_speed_is_measured_and_a_missing_peer_says_so(monkeypatch: pytest.MonkeyPatch):
