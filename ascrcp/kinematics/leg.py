@@ -1,5 +1,7 @@
-"""One leg of a joint move: rest to rest, jerk-limited, straight in joint space, arriving together."""
+"""Legs of a joint move: rest to rest, jerk-limited, straight in joint space, arriving together."""
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -7,6 +9,7 @@ from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
 
 from ascrcp.core.errors import UnreachableError
 from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
 
 
 class Rates(Protocol):
@@ -57,3 +60,35 @@ def plan_leg(
     q = np.array([trajectory.at_time(time)[0] for time in t.tolist()])
     q[0], q[-1] = start, end
     return t, q
+
+
+def plan_legs(
+    rates: Rates, stops: Sequence[Array], row_s: float, speed: float, acceleration: float
+) -> tuple[Array, Array]:
+    """Join legs from stop to stop, at rest at each; see plan_leg.
+
+    Args:
+        rates: The arm's limits.
+        stops: Joints [rad, m], each of shape (joints,).
+        row_s: Longest time between rows [s].
+        speed: Share of each joint's largest speed, 0..1.
+        acceleration: Share of its largest acceleration and jerk.
+
+    Returns:
+        Times from 0 [s] (m,) and joints (m, joints), the first row at the first stop, the last at the last.
+
+    Raises:
+        UnreachableError: No move with these limits.
+    """
+    t, q = np.zeros(1), np.array(stops[0])[None]
+    for start, end in pairwise(stops):
+        leg_t, leg_q = plan_leg(rates, start, end, row_s, speed, acceleration)
+        t = np.concatenate([t, t[-1] + leg_t[1:]])
+        q = np.concatenate([q, leg_q[1:]])
+    return t, q
+
+
+def keep_ranges(arm: Arm, q: Array) -> Array:
+    """Bring joints (..., joints) that were carried past an end of their range back onto it."""
+    limited = np.clip(q @ arm.limit_matrix.T, arm.limit_lower, arm.limit_upper)
+    return np.asarray(limited @ np.linalg.inv(arm.limit_matrix).T)

@@ -1,37 +1,49 @@
-"""Joint moves between strokes: from rest to rest, jerk-limited, not dipping toward the floor."""
-
-from itertools import pairwise
+"""Joint moves between strokes: from rest to rest, jerk-limited, clear of everything on the way."""
 
 import numpy as np
 
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.leg import plan_leg
+from ascrcp.kinematics.leg import keep_ranges, plan_legs
+from ascrcp.kinematics.obstacle import Obstacles
+from ascrcp.kinematics.route import find_route
 from ascrcp.planning.parameter import TimingParameters
-from ascrcp.planning.stroke import keep_ranges
 
 DIP_M = 0.10  # how far below the lower end of a move its nozzle may come; placeholder
 LIFTS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)  # heights tried for the middle of a move that would dip
 
 
-def plan_move(arm: Arm, start: Array, end: Array, parameters: TimingParameters) -> tuple[float, Array, Array]:
-    """Move in joint space, straight, or over a raised middle where a straight move would dip.
+def plan_move(
+    arm: Arm, start: Array, end: Array, parameters: TimingParameters, obstacles: Obstacles | None = None
+) -> tuple[float, Array, Array]:
+    """Move in joint space, straight or through postures that keep clear of the surroundings.
 
-    A nozzle that rolls round beside the floor swings through the lowest point of its circle; the
-    ends of the move were planned clear of the floor, its middle was not.
+    Where these are not known, over a raised middle if a straight move would dip: a nozzle that rolls
+    round beside the floor swings through the lowest point of its circle; the ends of the move were
+    planned clear of the floor, its middle was not.
 
     Args:
         arm: For its forward model, Jacobian and limits.
         start: Joints at rest [rad, m], shape (joints,).
         end: The same at the end.
         parameters: Shares of speed, acceleration and jerk; longest time between rows.
+        obstacles: The surroundings, None if they are not known.
 
     Returns:
         Duration [s], times of the rows strictly between start and end, their joints (m, joints).
 
     Raises:
-        UnreachableError: No move with these limits.
+        UnreachableError: No move with these limits, or none found that keeps clear.
     """
+    if obstacles is None:
+        return _plan_above(arm, start, end, parameters)
+    return _chain(arm, [start, *find_route(arm, start, end, obstacles), end], parameters)
+
+
+def _plan_above(
+    arm: Arm, start: Array, end: Array, parameters: TimingParameters
+) -> tuple[float, Array, Array]:
+    """Move straight, or over the first raised middle that does not dip, else over the highest way."""
     lowest_allowed = float(arm.forward(np.stack([start, end]))[:, 2, 3].min()) - DIP_M
     best = _chain(arm, [start, end], parameters)
     best_lowest = _lowest(arm, best[2])
@@ -60,10 +72,5 @@ def _lowest(arm: Arm, q: Array) -> float:
 def _chain(arm: Arm, stops: list[Array], parameters: TimingParameters) -> tuple[float, Array, Array]:
     """Join straight legs from stop to stop; rows strictly between the first and the last."""
     share = parameters.move_fraction
-    clock, times, joints = 0.0, [], []
-    for start, end in pairwise(stops):
-        t, q = plan_leg(arm, start, end, parameters.row_s, speed=share, acceleration=share)
-        times.append(clock + t[1:])
-        joints.append(q[1:])
-        clock += float(t[-1])
-    return clock, np.concatenate(times)[:-1], np.concatenate(joints)[:-1]
+    t, q = plan_legs(arm, stops, parameters.row_s, speed=share, acceleration=share)
+    return float(t[-1]), t[1:-1], q[1:-1]

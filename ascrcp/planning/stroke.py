@@ -5,6 +5,7 @@ from scipy.interpolate import Akima1DInterpolator, PPoly
 
 from ascrcp.core.geometry import Array, unit
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.leg import keep_ranges
 
 TURN_LEVER_M = 0.5  # a turn by 1 rad counts as this much path where the nozzle stands; placeholder
 LEAST_LENGTH_M = 1e-4  # length given to a step between points that coincide
@@ -61,9 +62,3 @@ class Stroke:
 
     def _spline(self, values: Array) -> PPoly:
         return Akima1DInterpolator(self.knots, values, method="makima")
-
-
-def keep_ranges(arm: Arm, q: Array) -> Array:
-    """Bring joints (..., joints) that were carried past an end of their range back onto it."""
-    limited = np.clip(q @ arm.limit_matrix.T, arm.limit_lower, arm.limit_upper)
-    return np.asarray(limited @ np.linalg.inv(arm.limit_matrix).T)

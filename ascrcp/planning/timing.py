@@ -1,5 +1,6 @@
 """Put times to the solved path: SprayPath + joints -> JointSequence."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from ascrcp.core.errors import InputError, UnreachableError
 from ascrcp.core.flow import JointSequence, SprayPath
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.planning.move import plan_move
 from ascrcp.planning.parameter import TimingParameters, check_parameters
 from ascrcp.planning.stroke import Stroke
@@ -29,15 +31,47 @@ class _Rows:
     spraying: NDArray[np.bool_]
 
 
+@dataclass(frozen=True)
+class TimedPath:
+    """A path with times put to it.
+
+    Attributes:
+        sequence: Rows from the first point sprayed to the last.
+        reasons: Why a solved point was left out, None for the others; one for each planned point.
+    """
+
+    sequence: JointSequence
+    reasons: tuple[str | None, ...]
+
+
 def time_sequence(
-    arm: Arm, path: SprayPath, q: ArrayLike, break_before: ArrayLike, parameters: TimingParameters
+    arm: Arm,
+    path: SprayPath,
+    q: ArrayLike,
+    break_before: ArrayLike,
+    parameters: TimingParameters,
+    obstacles: Obstacles | None = None,
 ) -> JointSequence:
+    """Return the sequence of `time_path` alone."""
+    return time_path(arm, path, q, break_before, parameters, obstacles).sequence
+
+
+def time_path(
+    arm: Arm,
+    path: SprayPath,
+    q: ArrayLike,
+    break_before: ArrayLike,
+    parameters: TimingParameters,
+    obstacles: Obstacles | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> TimedPath:
     """Travel the path at constant nozzle speed, slower where a joint's speed or acceleration asks for it.
 
     Planned points are joined by spraying strokes as long as they are near and nothing breaks
     them; strokes start and end at rest and are joined by jerk-limited joint moves without spray.
-    Points without a solution are skipped. Rows at planned points hold their joints and pose
-    exactly; on a stroke the pose is the path's, between strokes that of the joints.
+    Points without a solution are skipped, and so is a stroke that no move reaches without coming too
+    near to something, from the zero pose for the first. Rows at planned points hold their joints and
+    pose exactly; on a stroke the pose is the path's, between strokes that of the joints.
 
     Args:
         arm: The arm, for its limits and forward model.
@@ -45,13 +79,12 @@ def time_sequence(
         q: Joints of each point [rad, m], NaN rows where unsolved, shape (n, joints).
         break_before: Points the arm does not reach without a joint move, shape (n,).
         parameters: Speeds.
-
-    Returns:
-        Rows from the first solved point to the last.
+        obstacles: What moves keep clear of; None if nothing is known of the surroundings.
+        progress: Called with the share done; may raise CancelledError to stop.
 
     Raises:
         InputError: Shapes that do not belong together.
-        UnreachableError: No point has a solution.
+        UnreachableError: No point has a solution, or no stroke can be reached.
     """
     parameters = check_parameters(parameters)
     q = np.asarray(q, dtype=float)
@@ -65,17 +98,32 @@ def time_sequence(
     if not strokes:
         raise UnreachableError(f"none of the {len(path)} planned points has a joint solution within limits")
     parts: list[_Rows] = []
-    clock = 0.0
+    reasons: list[str | None] = [None] * len(path)
+    clock, last = 0.0, None if obstacles is None else arm.zero_pose
     for number, stroke in enumerate(strokes):
-        if number > 0:
-            begin = q[stroke[0]]
-            duration, t, joints = plan_move(arm, q[strokes[number - 1][-1]], begin, parameters)
-            arrive = _reposition(arm, np.append(t, duration), np.vstack([joints, begin]))
-            parts.append(_shift(arrive, clock))
-            clock += duration + parameters.settle_s
+        if progress is not None:
+            progress(number / len(strokes))
+        begin = q[stroke[0]]
+        if last is not None:
+            try:
+                duration, t, joints = plan_move(arm, last, begin, parameters, obstacles)
+            except UnreachableError as error:
+                for i in stroke.tolist():
+                    reasons[i] = f"its stroke cannot be approached: {error}"
+                continue
+            if parts:
+                arrive = _reposition(arm, np.append(t, duration), np.vstack([joints, begin]))
+                parts.append(_shift(arrive, clock))
+                clock += duration + parameters.settle_s
         rows = _spray(arm, path, q, stroke, parameters)
         parts.append(_shift(rows, clock))
-        clock += float(rows.t[-1])
+        clock, last = clock + float(rows.t[-1]), q[stroke[-1]]
+    if not parts:
+        raise UnreachableError(f"none of {len(strokes)} strokes can be approached; {reasons[strokes[0][0]]}")
+    return TimedPath(_join(parts), tuple(reasons))
+
+
+def _join(parts: Sequence[_Rows]) -> JointSequence:
     return JointSequence(
         t=np.concatenate([p.t for p in parts]),
         q=np.concatenate([p.q for p in parts]),

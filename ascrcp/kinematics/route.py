@@ -1,0 +1,222 @@
+"""Route of a joint move: two postures -> postures to pass through, clear of everything on the way.
+
+Straight first. Where that comes too near to something, a small graph is searched: both ends, their mean
+and the zero pose, drawn in and raised in steps, and climbs to where there is more room, joined by straight
+legs. Legs are looked at only when the cheapest route uses them (lazy shortest path: Dellin and
+Srinivasa, ICAPS 2016).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse.csgraph import dijkstra
+
+from ascrcp.core.errors import InputError, UnreachableError
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.description import ClearanceModel
+from ascrcp.kinematics.leg import keep_ranges
+from ascrcp.kinematics.obstacle import Obstacles
+
+DRAWN_IN = (1.0, 0.5, 0.0)
+"""Shares of their travel at which the telescopes stand in the middles tried; placeholder."""
+
+LIFTS_M = (0.0, 0.75, 1.5, 3.0)
+"""Heights by which the nozzle is raised in them [m]; placeholder."""
+
+LIFT_STEP_M = 0.25
+"""A lift is made in steps of this, each with its own Jacobian."""
+
+ROW_M = 0.06
+"""No joint of the arm moves further between two looks [m]: what is between them is 3 cm from one."""
+
+FEW = 9
+"""Looks at a leg before it is looked at closely: most bad legs are seen through at once."""
+
+NEAR_PRICE = 8.0
+"""Seconds that a second at the least clearance counts more than one at the wanted; placeholder."""
+
+CLIMB_STEPS = 16
+"""Steps of the climb out from an end; placeholder."""
+
+SHIFT_S = 0.1
+"""Each joint is shifted by what it moves in this time, to see where there is more room [s]; placeholder."""
+
+CLIMB_S = 0.7
+"""A step is what the fastest joint moves in this time [s]; placeholder."""
+
+CLIMB_KEPT = 4
+"""Every so many steps a posture is kept."""
+
+STOP_S = 2.0
+"""What a stop on the way costs [s]: slowing down, starting again and settling; placeholder."""
+
+MOST_LOOKS = 250
+"""A search that has looked at so many legs gives up: with vehicles and people in 20 random headings, those
+that found a way needed 173 at most."""
+
+SLACK = 1e-6
+"""Rounding allowed on a clearance [m]."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A straight leg as looked at: least clearance [m], what is met there, price [s]."""
+
+    least: float
+    what: str
+    price: float
+
+
+def find_route(
+    arm: Arm, start: Array, end: Array, obstacles: Obstacles, first: Sequence[Array] = ()
+) -> tuple[Array, ...]:
+    """Find the postures a move passes through so that no link comes too near to anything.
+
+    The wanted clearance is kept where there is a way, the least always. An arm that stands nearer than
+    the least may leave, but comes no nearer.
+
+    Args:
+        arm: An arm with a clearance model.
+        start: Joints where the move begins [rad, m], shape (joints,).
+        end: Joints where it ends.
+        obstacles: What to keep clear of.
+        first: Postures between that are wanted if the way through them is clear.
+
+    Returns:
+        The postures between, none if the straight way is clear.
+
+    Raises:
+        InputError: A bad posture, or an arm without a clearance model.
+        UnreachableError: No way found; the message says what would be hit.
+    """
+    model = arm.description.clearance
+    if model is None:
+        raise InputError(f"machine {arm.name} has no clearance model")
+    there = clearance(arm, np.stack([start, end]), obstacles)
+    if not there.distance[1] >= model.least - SLACK:
+        raise UnreachableError(f"target: {there.describe(arm, 1)}, at least {model.least:g} m is kept")
+    least = min(model.least, float(there.distance[0])) - SLACK
+    enough = min(model.wanted, *there.distance.tolist()) - SLACK
+    scout = _Scout(arm, obstacles, model)
+    straight = [scout.look(a, b, least) for a, b in pairwise([start, *first, end])]
+    if min(look.least for look in straight) >= enough:
+        return tuple(first)
+    nodes = np.stack([start, end, *first, *_middles(arm, start, end, obstacles)])
+    free = clearance(arm, nodes, obstacles).distance
+    for floor in (enough, least):
+        route = scout.search(nodes[free >= floor], floor)
+        if route:
+            return tuple(route[1:-1])
+    worst = min(straight, key=lambda look: look.least)
+    raise UnreachableError(f"no clear way found; straight, {worst.what}, at least {model.least:g} m is kept")
+
+
+class _Scout:
+    """Looks at straight legs and searches the graph of them."""
+
+    def __init__(self, arm: Arm, obstacles: Obstacles, model: ClearanceModel) -> None:
+        self.arm, self.obstacles, self.model = arm, obstacles, model
+
+    def look(self, a: Array, b: Array, floor: float) -> Look:
+        """Look at a leg: first at a few postures on it, then closely if none is nearer than the floor."""
+        count = max(FEW, int(np.ceil(self._travel(a, b) / ROW_M)) + 1)
+        rows = (FEW, count) if count > FEW else (count,)
+        for n in rows:
+            seen = clearance(self.arm, a + np.linspace(0.0, 1.0, n)[:, None] * (b - a), self.obstacles)
+            i = int(seen.distance.argmin())
+            if not seen.distance[i] >= floor:
+                return Look(float(seen.distance[i]), seen.describe(self.arm, i), np.inf)
+        short = (self.model.wanted - seen.distance) / (self.model.wanted - self.model.least)
+        price = float(self.time(a, b)) * (1.0 + NEAR_PRICE * float(np.maximum(short, 0.0).mean())) + STOP_S
+        return Look(float(seen.distance[i]), seen.describe(self.arm, i), price)
+
+    def time(self, a: Array, b: Array) -> Array:
+        """Time of legs at the joints' largest speeds [s]; (..., joints) twice -> (...)."""
+        return np.asarray((np.abs(b - a) / self.arm.max_speed).max(axis=-1))
+
+    def _travel(self, a: Array, b: Array) -> float:
+        """Measure how far the joint or nozzle that moves most moves on a leg [m]."""
+        frames = self.arm.frames(a + np.linspace(0.0, 1.0, FEW)[:, None] * (b - a))
+        return float(np.linalg.norm(np.diff(frames[..., :3, 3], axis=0), axis=-1).sum(axis=0).max())
+
+    def search(self, nodes: Array, floor: float) -> list[Array] | None:
+        """Find the cheapest route from the first node to the second; None if none is found."""
+        price = self.time(nodes[:, None], nodes[None]) + STOP_S
+        looked = np.eye(len(nodes), dtype=bool)
+        while looked.sum() < len(nodes) + 2 * MOST_LOOKS:
+            route = _shortest(price)
+            unseen = [(a, b) for a, b in pairwise(route) if not looked[a, b]]
+            if not unseen:
+                return [nodes[i] for i in route] if route else None
+            for a, b in unseen:
+                price[a, b] = price[b, a] = self.look(nodes[a], nodes[b], floor).price
+                looked[a, b] = looked[b, a] = True
+                if not np.isfinite(price[a, b]):
+                    break
+        return None
+
+
+def _shortest(price: Array) -> list[int]:
+    """Find the cheapest way from node 0 to node 1 of a dense graph; empty if there is none."""
+    _, before = dijkstra(np.where(np.isfinite(price), price, 0.0), indices=0, return_predecessors=True)
+    if before[1] < 0:
+        return []
+    route = [1]
+    while route[-1] != 0:
+        route.append(int(before[route[-1]]))
+    return route[::-1]
+
+
+def _middles(arm: Arm, start: Array, end: Array, obstacles: Obstacles) -> Array:
+    """Make the postures a route may pass through, shape (n, joints).
+
+    The ends, their mean and the zero pose, drawn in and raised, and the ways out from both ends.
+    """
+    bases = np.stack([start, (start + end) / 2.0, end, arm.zero_pose])
+    drawn = _draw_in(arm, np.repeat(bases, len(DRAWN_IN), axis=0), np.tile(DRAWN_IN, len(bases)))
+    out = _climb(arm, np.stack([start, end]), obstacles)
+    middles = np.concatenate([_lift(arm, drawn), out, _lift(arm, _draw_in(arm, out[-2:], np.full(2, 0.5)))])
+    return np.asarray(middles[arm.within_limits(middles)])
+
+
+def _draw_in(arm: Arm, q: Array, share: Array) -> Array:
+    """Draw the telescopes of postures (n, joints) in to shares (n,) of their travel."""
+    return np.where(arm.prismatic, arm.lower + share[:, None] * (q - arm.lower), q)
+
+
+def _lift(arm: Arm, q: Array) -> Array:
+    """Raise postures (n, joints) by every lift; (n * lifts, joints)."""
+    found, height = [], 0.0
+    for lift in LIFTS_M:
+        while height < lift - 1e-9:
+            q, height = _raise(arm, q, LIFT_STEP_M), height + LIFT_STEP_M
+        found.append(q)
+    return np.concatenate(found)
+
+
+def _climb(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
+    """Climb from postures (n, joints) to where there is more room; some on the way, (m, joints)."""
+    found = []
+    n, h = len(q), SHIFT_S * arm.max_speed
+    shifts = np.concatenate([np.diag(h), -np.diag(h)])
+    for step in range(1, CLIMB_STEPS + 1):
+        tried = keep_ranges(arm, q[:, None] + shifts)
+        free = clearance(arm, tried.reshape(-1, arm.n), obstacles).distance.reshape(n, 2, arm.n)
+        slope = free[:, 0] - free[:, 1]  # each joint measured by its speed: the least time
+        size = np.abs(slope).max(axis=1, keepdims=True)
+        q = keep_ranges(arm, q + CLIMB_S * arm.max_speed * slope / np.maximum(size, 1e-9))
+        if step % CLIMB_KEPT == 0:
+            found.append(q)
+    return np.concatenate(found)
+
+
+def _raise(arm: Arm, q: Array, lift: float) -> Array:
+    """Raise the nozzle of postures (n, joints) by a small lift [m] with the least effort, within limits."""
+    up = arm.jacobian(q)[:, 2]
+    effort = arm.max_speed**2 * up
+    gain = (up * effort).sum(axis=1, keepdims=True)
+    return keep_ranges(arm, q + lift * effort / np.maximum(gain, 1e-9))
