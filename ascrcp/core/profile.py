@@ -8,9 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ascrcp.core.config import Struct, load
+from ascrcp.core.config import Struct
 from ascrcp.core.errors import ConfigError
 from ascrcp.core.geometry import Array
+
+MIN_RADIUS, MAX_RADIUS = 0.25, 5000.0  # of an arc [m]; a straight wall is a very large arc
+MIN_SIZE, MAX_SIZE = 1.5, 40.0  # width of a section [m]
+MAX_OFFSET = 2.0  # of arch line and overbreak line from the design line [m]
 
 
 class Arc(Struct):
@@ -51,8 +55,11 @@ class Profile(Struct):
         if not self.arcs:
             raise ConfigError(f"{where}: arcs must hold at least one arc")
         for i, arc in enumerate(self.arcs):
-            if not 0.5 <= arc.radius <= 50.0:
-                raise ConfigError(f"{where}: arc {i} radius {arc.radius} m, allowed 0.5..50")
+            if not MIN_RADIUS <= arc.radius <= MAX_RADIUS:
+                hint = "; is it in millimetres?" if arc.radius > MAX_RADIUS else ""
+                raise ConfigError(
+                    f"{where}: arc {i} radius {arc.radius:g} m, allowed {MIN_RADIUS:g}..{MAX_RADIUS:g}{hint}"
+                )
             if not 0.0 < arc.end_deg - arc.start_deg <= 360.0:
                 raise ConfigError(f"{where}: arc {i} must run 0..360 deg with rising angle")
         for i in range(len(self.arcs) - 1):
@@ -67,6 +74,11 @@ class Profile(Struct):
             )
         if not 0.05 <= self.arch_width <= 1.0 or not 0.5 <= self.spray_depth <= 20.0:
             raise ConfigError(f"{where}: arch_width 0.05..1 m, spray_depth 0.5..20 m")
+        if not abs(self.arch_line) <= MAX_OFFSET or not abs(self.overbreak_line) <= MAX_OFFSET:
+            raise ConfigError(
+                f"{where}: arch_line and overbreak_line lie at most {MAX_OFFSET:g} m off the design line"
+            )
+        check_line(self.point(np.linspace(0.0, self.length, 240)), where)
 
     def _end(self, index: int, which: int) -> Array:
         arc = self.arcs[index]
@@ -140,6 +152,29 @@ class Profile(Struct):
         return centre, radius, first + (along - starts[i]) / radius
 
 
+def check_line(line: Array, where: str) -> None:
+    """Refuse a line of points (n, 2) that is no tunnel's section: its size, or a line that crosses itself."""
+    width, height = (float(v) for v in np.ptp(line, axis=0))
+    if not (MIN_SIZE <= width <= MAX_SIZE and 0.2 * MIN_SIZE <= height <= MAX_SIZE):
+        raise ConfigError(
+            f"{where}: the design line is {width:.4g} m wide and {height:.4g} m high, "
+            f"allowed {MIN_SIZE:g}..{MAX_SIZE:g} m"
+        )
+    a, b = line[:-1], line[1:]
+
+    def side(p: Array, q: Array, r: Array) -> Array:
+        """Sign of the turn p -> q -> r for every pair of pieces, shape (k, k)."""
+        u, v = q - p, r[None, :] - p[:, None]
+        return np.sign(u[:, None, 0] * v[..., 1] - u[:, None, 1] * v[..., 0])
+
+    crossing = (side(a, b, a) * side(a, b, b) < 0) & (side(a, b, a).T * side(a, b, b).T < 0)
+    apart = np.abs(np.arange(len(a))[:, None] - np.arange(len(a))) > 1
+    at = np.argwhere(crossing & apart)
+    if len(at):
+        y, z = line[at[0, 0]]
+        raise ConfigError(f"{where}: the design line crosses itself near ({y:.2f}, {z:.2f}) m")
+
+
 def section_angle(yz: Array) -> Array:
     """Section angle phi of points (..., 2) [rad], in (-pi/2, 3 pi/2] so that the floor is the cut."""
     phi = np.arctan2(yz[..., 1], -yz[..., 0])
@@ -147,5 +182,11 @@ def section_angle(yz: Array) -> Array:
 
 
 def load_profile(path: Path) -> Profile:
-    """Read a profile file (design.md section 9)."""
-    return load(path, Profile)
+    """Read a profile file by its suffix: YAML (design.md section 9), DXF or points.
+
+    Raises:
+        ConfigError: One line saying what is wrong with it.
+    """
+    from ascrcp.core.profile_file import read_profile  # which itself builds profiles
+
+    return read_profile(path)
