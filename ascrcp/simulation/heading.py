@@ -12,10 +12,29 @@ from ascrcp.core.profile import Profile
 from ascrcp.simulation.tunnel import AirConfig, TunnelConfig, draw
 from ascrcp.simulation.tunnel_arch import build_arch, draw_arches
 from ascrcp.simulation.tunnel_mesh import grid, merge
-from ascrcp.simulation.tunnel_site import build_bodies, build_face, build_feet, build_floor, draw_drips
+from ascrcp.simulation.tunnel_site import (
+    build_bodies,
+    build_bolts,
+    build_face,
+    build_feet,
+    build_floor,
+    draw_drips,
+)
 from ascrcp.simulation.tunnel_wall import Patch, build_wall, place_patches
 
-CONCERNS = ("placement", "length", "arches", "pockets", "bumps", "wall", "floor", "face", "bodies", "air")
+CONCERNS = (
+    "placement",
+    "length",
+    "arches",
+    "pockets",
+    "bumps",
+    "wall",
+    "floor",
+    "face",
+    "bodies",
+    "air",
+    "bolts",
+)
 
 
 @dataclass(frozen=True)
@@ -87,6 +106,8 @@ class Heading:
         drips: Threads of falling water: x, y, lowest z, highest z [m], base frame, shape (k, 4).
         beyond: Middle of wall cells beyond the overbreak line [m], base frame, shape (c, 3).
         beyond_volume: Volume missing in front of each [m3], shape (c,).
+        beyond_area: Area of each on the overbreak line [m2], shape (c,).
+        pool_z: Level of standing water [m], base frame, None if the floor is dry.
     """
 
     vertices: NDArray[np.float32]
@@ -96,6 +117,8 @@ class Heading:
     drips: Array
     beyond: Array
     beyond_volume: Array
+    beyond_area: Array
+    pool_z: float | None = None
 
 
 def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profile | None = None) -> Heading:
@@ -126,6 +149,7 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
         parts += build_arch(config.arches, arch, streams["arches"], profile)
     parts.append(build_floor(config, streams["floor"], profile, part, floor))
     parts += build_face(config, streams["face"], profile, part)
+    parts += build_bolts(config.bolts, streams["bolts"], profile, part, wall)
     parts += build_bodies(config.bodies, streams["bodies"], floor)
     mesh = merge(parts)
     T = axis.T_base_tunnel
@@ -150,6 +174,8 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
         drips=draw_drips(config.air, streams["air"], part, floor, profile, T),
         beyond=apply_transform(T, beyond),
         beyond_volume=volume,
+        beyond_area=area,
+        pool_z=truth.floor_z + config.air.pool_depth if config.air.pool_depth > 0.0 else None,
     )
 
 

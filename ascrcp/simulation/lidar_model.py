@@ -4,6 +4,7 @@ from typing import Annotated
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from ascrcp.core.config import Struct
 from ascrcp.core.errors import DeviceError
@@ -51,8 +52,8 @@ class LidarConfig(Struct):
 
     name: str
     beam_start_deg: Annotated[float, msgspec.Meta(ge=-180.0, le=180.0)]
-    beam_step_deg: Annotated[float, msgspec.Meta(ge=0.05, le=10.0)]
-    beams: Annotated[int, msgspec.Meta(ge=2, le=4096)]
+    beam_step_deg: Annotated[float, msgspec.Meta(ge=0.02, le=10.0)]
+    beams: Annotated[int, msgspec.Meta(ge=2, le=8192)]
     lines_per_s: Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
     min_range: Metre
     max_range: Metre
@@ -95,6 +96,7 @@ class LidarModel:
         self._config = config
         self._air = heading.air
         self._drips = heading.drips
+        self._pool = heading.pool_z
         self._beyond = heading.beyond
         self._beyond_volume = heading.beyond_volume
         self._tensor = core.Tensor.from_numpy
@@ -145,6 +147,8 @@ class LidarModel:
             signal = cosine * (config.clear_range / np.maximum(wall, config.min_range)) ** 2
         seen = np.isfinite(distance) & (signal > 2.0 * chance[2])
         distance = np.where(seen, distance, np.inf)
+        if self._pool is not None:
+            distance = self._over_water(T_base_mount, pan, distance, rng.random(len(distance)))
         if len(self._drips):
             direction = self._directions(pan) @ T_base_mount[:3, :3].T
             distance = self._through_water(T_base_mount, direction, distance, chance[3])
@@ -162,13 +166,17 @@ class LidarModel:
 
         The truth behind `overbreak_volume_m3` of features.json, which counts what was seen.
         """
+        return float(self._beyond_volume[self.is_visible(origin)].sum())
+
+    def is_visible(self, origin: Array) -> NDArray[np.bool_]:
+        """Whether each of the cells beyond the overbreak line is in sight of a point, shape (c,)."""
         if len(self._beyond) == 0:
-            return 0.0
+            return np.zeros(0, dtype=bool)
         way = self._beyond - origin
         length = np.linalg.norm(way, axis=1)
         rays = np.hstack([np.broadcast_to(origin, way.shape), way / length[:, None]]).astype(np.float32)
         reached = self._scene.cast_rays(self._tensor(rays), nthreads=1)["t_hit"].numpy()
-        return float(self._beyond_volume[reached > length - SIGHT_MARGIN].sum())
+        return np.asarray(reached > length - SIGHT_MARGIN)
 
     def _directions(self, pan: float) -> Array:
         return self._plane @ rotation("z", pan + np.radians(self._config.pan_zero_deg)).T
@@ -182,6 +190,22 @@ class LidarModel:
         mixed = distance.copy()
         mixed[at] += share[at] * (distance[at + 1] - distance[at])
         return mixed
+
+    def _over_water(self, T_base_mount: Array, pan: float, distance: Array, chance: Array) -> Array:
+        """Let beams that meet standing water go astray, or see the wall in its mirror as if below it."""
+        assert self._pool is not None
+        origin, direction = T_base_mount[:3, 3], self._directions(pan) @ T_base_mount[:3, :3].T
+        with np.errstate(divide="ignore"):
+            way = (self._pool - origin[2]) / direction[:, 2]
+        wet = np.flatnonzero((way > 0.0) & (way < distance))
+        rays = np.empty((len(wet), 6), np.float32)
+        rays[:, :3] = origin + direction[wet] * way[wet, None]
+        rays[:, 3:] = direction[wet] * [1.0, 1.0, -1.0]
+        onward = self._scene.cast_rays(self._tensor(rays), nthreads=1)["t_hit"].numpy()
+        mirrored = np.where(chance[wet] < self._air.pool_mirror, way[wet] + onward, np.inf)
+        distance = distance.copy()
+        distance[wet] = mirrored
+        return distance
 
     def _through_water(self, T_base_mount: Array, direction: Array, distance: Array, chance: Array) -> Array:
         """Let beams that pass a thread of falling water be returned by its drops now and then."""

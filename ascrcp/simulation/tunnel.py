@@ -109,6 +109,7 @@ class ArchesConfig(Struct):
         flange: Thickness of flanges and web [m].
         lean_deg: Positive where the crown stands further into the heading than the feet [deg].
         radial_error: Deviation of the inner flange from the arch line, rms [m].
+        aside: Middle of an arch beside the axis, to the left and upward alike [m].
     """
 
     stations: list[float]
@@ -120,6 +121,7 @@ class ArchesConfig(Struct):
     flange: Annotated[float, msgspec.Meta(ge=0.002, le=0.1)]
     lean_deg: Range
     radial_error: Metre
+    aside: Range = (0.0, 0.0)
 
 
 class PatchConfig(Struct):
@@ -138,6 +140,24 @@ class PatchConfig(Struct):
     half_arc: Range
     depth: Range
     angle_deg: Range
+
+
+class BoltsConfig(Struct):
+    """Rock bolts: a square plate on the rock and a stub that stands out of it.
+
+    Attributes:
+        count: How many.
+        plate: Edge of the plate [m].
+        stand_off: Plate before the rock, for the rock is not flat [m].
+        stub: Length of the stub before the plate [m].
+        thickness: Of the stub [m].
+    """
+
+    count: Annotated[int, msgspec.Meta(ge=0, le=500)] = 0
+    plate: Annotated[float, msgspec.Meta(gt=0.0, le=0.5)] = 0.2  # usual plates are 150..200 mm wide
+    stand_off: Metre = 0.02  # placeholder
+    stub: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.12  # placeholder
+    thickness: Annotated[float, msgspec.Meta(gt=0.0, le=0.2)] = 0.025  # usual bolts are 22..28 mm thick
 
 
 class BodyConfig(Struct):
@@ -191,12 +211,16 @@ class AirConfig(Struct):
         drips: Number of places where water falls from the crown.
         drip_radius: Radius of a falling thread [m].
         drip_chance: Chance that a beam through a thread meets a drop.
+        pool_depth: Level of standing water above the floor's mean, 0 for dry [m].
+        pool_mirror: Chance that a beam comes back by way of the water's mirror; else it is lost.
     """
 
     dust_per_m: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
     drips: Count
     drip_radius: Annotated[float, msgspec.Meta(gt=0.0, le=0.5)]
     drip_chance: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+    pool_depth: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.0
+    pool_mirror: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)] = 0.3
 
 
 class MeshConfig(Struct):
@@ -226,6 +250,7 @@ class TunnelConfig(Struct):
     bodies: list[BodyConfig]
     air: AirConfig
     mesh: MeshConfig
+    bolts: BoltsConfig = BoltsConfig()
 
     def __post_init__(self) -> None:
         # a ValueError here becomes a ConfigError that names the file

@@ -34,6 +34,8 @@ def build_arch(config: ArchesConfig, arch: Arch, rng: np.random.Generator, profi
     along = np.linspace(0.0, profile.length, int(profile.length / ARCH_STEP) + 2)
     error = rough(rng, along, np.zeros(1), [Octave(wavelength=ERROR_LENGTH, rms=config.radial_error)])
     crown = profile.point(along)[:, 1].max()
+    own = rng.spawn(1)[0]  # so that arches set aside keep the deviations they had
+    aside = np.array([draw(own, config.aside), draw(own, config.aside)])
     half, thin, depth = arch.width / 2, config.flange, config.depth
     bars = (
         (half, 0.0, thin),
@@ -44,7 +46,7 @@ def build_arch(config: ArchesConfig, arch: Arch, rng: np.random.Generator, profi
     for reach, inner, outer in bars:
         corners = []
         for ds, off in ((-reach, inner), (reach, inner), (reach, outer), (-reach, outer)):
-            yz = profile.point(along, profile.arch_line + error + off)
+            yz = profile.point(along, profile.arch_line + error + off) + aside
             s = arch.station + ds + np.tan(np.radians(arch.lean_deg)) * (yz[:, 1] - crown)
             corners.append(np.column_stack([s, yz]))
         meshes.append(sweep(np.stack(corners, axis=1)))

@@ -4,12 +4,14 @@ import numpy as np
 
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import Profile
-from ascrcp.simulation.tunnel import AirConfig, BodyConfig, TunnelConfig, draw
+from ascrcp.simulation.tunnel import AirConfig, BodyConfig, BoltsConfig, TunnelConfig, draw
 from ascrcp.simulation.tunnel_mesh import Mesh, box, cylinder, grid, rough
+from ascrcp.simulation.tunnel_wall import Wall
 
 FLOOR_STEP = 0.15  # triangles of the floor [m]
 FACE_STEP = 0.08  # triangles of the face [m]
 BEYOND = 0.8  # floor and face reach this far behind the wall, so that no gap shows [m]
+PLATE = 0.008  # thickness of a bolt's plate [m]
 DRIP_REACH = 3.0  # drips fall from the unsprayed part to this far behind it [m]
 
 
@@ -62,6 +64,25 @@ def build_bodies(bodies: list[BodyConfig], rng: np.random.Generator, floor: floa
         else:
             half = np.array([body.length / 2, body.width / 2, 0.0])
             meshes.append(box(foot - half, foot + half + [0.0, 0.0, body.height]))
+    return meshes
+
+
+def build_bolts(
+    config: BoltsConfig, rng: np.random.Generator, profile: Profile, part: tuple[float, float], wall: Wall
+) -> list[Mesh]:
+    """Set rock bolts square to the wall of the unsprayed part, tunnel frame."""
+    meshes = []
+    for _ in range(config.count):
+        s, along = rng.uniform(*part), rng.uniform(0.15, 0.85) * profile.length
+        row, column = np.searchsorted(wall.station, s), np.searchsorted(wall.along, along)
+        face = float(wall.offset[row, column]) - config.stand_off
+        for half, outer, inner in (
+            (config.plate / 2, face, face - PLATE),
+            (config.thickness / 2, face, face - config.stub),
+        ):
+            block = box(np.array([s - half, along - half, inner]), np.array([s + half, along + half, outer]))
+            s_, along_, offset = block.vertices.T
+            meshes.append(Mesh(np.column_stack([s_, profile.point(along_, offset)]), block.triangles))
     return meshes
 
 
