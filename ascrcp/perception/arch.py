@@ -14,8 +14,8 @@ from ascrcp.core.flow import Arch
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.perception.parameter import ArchParameters, SectionParameters
-from ascrcp.perception.profile_line import crown_height
-from ascrcp.perception.raster import Unrolled, raster_over
+from ascrcp.perception.profile_line import between, crown_height
+from ascrcp.perception.raster import Raster, Unrolled, raster_over
 
 _ROW = 0.025  # half a slice: an arch cut anywhere still fills slices of this length [m]
 _PHASES = (0.0, 0.25, 0.5, 0.75)  # of a half slice
@@ -25,6 +25,9 @@ _SKEW_STEP_DEG = 1.0
 _MAX_ARCHES = 12
 _REACH = 0.05  # an arch's edges are looked for this far beyond half its width [m]
 _NEAR_EDGE, _FAR_EDGE = 0.04, 0.99  # quantiles of an arch's points taken for its edges; synthetic headings
+_SHOWN = (
+    0.2  # share of a cell's points on the steel from which the others are rock seen behind it; placeholder
+)
 _TOO_WIDE = 1.75  # times the width: more of the arch line in a row is sprayed surface, not an arch
 
 
@@ -124,8 +127,7 @@ def _count(
     section: SectionParameters,
 ) -> _Line:
     raster = raster_over(first, last, _ROW, section.column, profile)
-    index = raster.index(wall.station, wall.along)
-    count, inside = raster.total(index), raster.total(index, hit.astype(float))
+    inside, count = _tally(raster, wall.station, wall.along, hit, wall.offset > between(profile))
     at_line = (count > 0) & (inside >= parameters.share * count)
     return _Line(raster.station, profile.point(raster.along, profile.arch_line), at_line)
 
@@ -233,16 +235,16 @@ def _checked(
     distance = ring.distance(wall.station, wall.yz)
     near = np.abs(distance) < profile.arch_width * 2
     distance, along, hit = distance[near], wall.along[near], hit[near]
+    behind = wall.offset[near] > between(profile)
     run = max(
-        _longest(_rule(distance + phase * _ROW, along, hit, profile, parameters, section))
+        _longest(_rule(distance + phase * _ROW, along, hit, behind, profile, parameters, section))
         for phase in _PHASES
     )
     if not 2 * parameters.slices - 2 <= run <= _TOO_WIDE * profile.arch_width / _ROW:
         return None
     middle = np.abs(distance) < 0.4 * profile.arch_width
     raster = raster_over(-1.0, 1.0, 2.0, section.column, profile)
-    index = raster.index(distance[middle], along[middle])
-    count, inside = raster.total(index), raster.total(index, hit[middle].astype(float))
+    inside, count = _tally(raster, distance[middle], along[middle], hit[middle], behind[middle])
     return replace(ring, along=_span(inside[0], count[0], raster.column))
 
 
@@ -250,6 +252,7 @@ def _rule(
     distance: Array,
     along: Array,
     hit: NDArray[np.bool_],
+    behind: NDArray[np.bool_],
     profile: Profile,
     parameters: ArchParameters,
     section: SectionParameters,
@@ -257,12 +260,25 @@ def _rule(
     """Whether each half slice has the arc the rule asks for, at distances from the arch's plane."""
     half = profile.arch_width * 1.5
     raster = raster_over(-half, half, _ROW, section.column, profile)
-    index = raster.index(distance, along)
-    count, inside = raster.total(index), raster.total(index, hit.astype(float))
+    inside, count = _tally(raster, distance, along, hit, behind)
     return [
         stretch(inside[i], count[i], parameters.share)[2] * raster.column >= parameters.arc
         for i in range(raster.shape[0])
     ]
+
+
+def _tally(
+    raster: Raster, station: Array, along: Array, hit: NDArray[np.bool_], behind: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    """Count the points at the arch line, and all, in each cell, shape (rows, columns).
+
+    From the lidar the wall shows slantwise past the near edge of a flange, at the flange's own
+    stations. Where a cell shows steel, rock behind it does not speak against the arch.
+    """
+    index = raster.index(station, along)
+    count, inside = raster.total(index), raster.total(index, hit.astype(float))
+    hidden = raster.total(index, behind.astype(float))
+    return inside, np.where((inside > 0) & (inside >= _SHOWN * count), count - hidden, count)
 
 
 def _span(inside: Array, count: Array, column: float) -> tuple[float, float]:
