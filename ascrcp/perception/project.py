@@ -28,6 +28,16 @@ def project(scan: Scan, T_base_lidarmount: Array, pan_zero: float = 0.0) -> Clou
     T = check_transform(T_base_lidarmount)
     if T.shape != (4, 4):
         raise InputError(f"T_base_lidarmount must have shape (4, 4), not {T.shape}")
+    points = echoes(scan, pan_zero) @ T[:3, :3].T + T[:3, 3]
+    return Cloud(points.astype(np.float32), source="scan" if scan.complete else "scan (incomplete)")
+
+
+def echoes(scan: Scan, pan_zero: float = 0.0) -> Array:
+    """Return every echo in the mount's own frame [m], shape (n, 3); see `project`.
+
+    Raises:
+        InputError: If nothing came back at all, or the pan zero is no angle.
+    """
     if not abs(pan_zero) <= 2 * np.pi:
         raise InputError(f"pan_zero is {pan_zero} rad, allowed -2 pi to 2 pi")
     line, beam = np.nonzero(np.isfinite(scan.ranges) & (scan.ranges > 0.0))
@@ -36,8 +46,6 @@ def project(scan: Scan, T_base_lidarmount: Array, pan_zero: float = 0.0) -> Clou
     distance = scan.ranges[line, beam].astype(float)
     reach = distance * np.cos(scan.beam)[beam]
     pan = scan.pan - pan_zero
-    local = np.stack(
+    return np.stack(
         [reach * np.cos(pan)[line], reach * np.sin(pan)[line], distance * np.sin(scan.beam)[beam]], axis=-1
     )
-    points = local @ T[:3, :3].T + T[:3, 3]
-    return Cloud(points.astype(np.float32), source="scan" if scan.complete else "scan (incomplete)")
