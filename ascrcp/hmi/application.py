@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
 
+from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QApplication
 
 from ascrcp.hmi.autopilot import Autopilot
@@ -37,6 +38,8 @@ def make_application() -> QApplication:
         return running
     if not has_display():
         os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+    # pyqtgraph compiles its shaders once for all contexts: a view must be able to take over another's
+    QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_ShareOpenGLContexts)
     return QApplication(["ascrcp"])
 
 

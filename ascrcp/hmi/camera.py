@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ascrcp.core.geometry import Array
 from ascrcp.hmi.theme import View
@@ -74,6 +75,12 @@ class Camera:
         depth = seen[:, 2]
         scale = 0.5 * width / math.tan(math.radians(self.fov_deg) / 2) / np.maximum(depth, NEAR)
         return np.stack([0.5 * width + scale * seen[:, 0], 0.5 * height - scale * seen[:, 1]], -1), depth
+
+
+def is_inside(pixels: Array, depth: Array, width: int, height: int) -> NDArray[np.bool_]:
+    """Return which projected points lie in the picture, shape (n,)."""
+    on_picture = (pixels > -1.0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height)
+    return np.asarray(on_picture & (depth > NEAR))
 
 
 def first_camera(view: View) -> Camera:

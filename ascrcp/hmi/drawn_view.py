@@ -7,14 +7,12 @@ from PySide6.QtGui import QColor, QImage, QPainter, QPaintEvent, QPen, QResizeEv
 from PySide6.QtWidgets import QWidget
 
 from ascrcp.core.geometry import Array
-from ascrcp.hmi.camera import NEAR, Camera
-from ascrcp.hmi.scene_part import ArmLine, label_table, path_segments, unsolved_points
+from ascrcp.hmi.camera import NEAR, Camera, is_inside
+from ascrcp.hmi.scene_part import ArmLine, brightness, label_table, path_segments, unsolved_points
 from ascrcp.hmi.theme import SceneColours, colour_fields
 from ascrcp.session.snapshot import Scene
 
 SPLAT_PX = 2
-FADE = 0.55
-"""Share of its brightness the farthest point loses, so that depth can be seen."""
 
 
 def splat(points: NDArray, colours: NDArray[np.uint8], camera: Camera, image: NDArray[np.uint8]) -> None:
@@ -28,19 +26,20 @@ def splat(points: NDArray, colours: NDArray[np.uint8], camera: Camera, image: ND
     """
     height, width = image.shape[:2]
     pixels, depth = camera.project(points, width, height)
-    in_front = depth > NEAR
-    inside = (pixels > -1.0).all(1) & (pixels[:, 0] < width) & (pixels[:, 1] < height) & in_front
+    inside = is_inside(pixels, depth, width, height)
     if not inside.any():
         return
-    xy, depth, colours = pixels[inside].astype(np.int32), depth[inside], colours[inside]
-    nearest, farthest = float(depth.min()), float(depth.max())
-    share = (depth - nearest) / max(farthest - nearest, NEAR)
-    order = np.argsort(np.rint(-65535.0 * share + 65535.0).astype(np.uint16), kind="stable")  # far first
-    shaded = (colours * (1.0 - FADE * share[:, None])).astype(np.uint8)[order]
-    x, y = xy[order, 0], xy[order, 1]
-    for dy in range(SPLAT_PX):
-        for dx in range(SPLAT_PX):
-            image[np.clip(y + dy, 0, height - 1), np.clip(x + dx, 0, width - 1), :3] = shaded
+    xy, depth, colours = pixels[inside], depth[inside], colours[inside]
+    xy = np.floor(xy - (SPLAT_PX - 1) / 2).astype(np.int32)
+    bright = brightness(depth, np.ones(len(depth), np.bool_))
+    order = np.argsort(np.rint(65535.0 * bright).astype(np.uint16), kind="stable")  # far first
+    shaded = np.full((len(order), 4), 255, np.uint8)
+    shaded[:, :3] = (colours * bright[:, None])[order]
+    # all pixels of a point before those of the next, or a far point's corner would cover a near one's
+    dx, dy = np.tile(np.arange(SPLAT_PX), SPLAT_PX), np.repeat(np.arange(SPLAT_PX), SPLAT_PX)
+    column = np.clip(xy[order, 0, None] + dx, 0, width - 1)
+    row = np.clip(xy[order, 1, None] + dy, 0, height - 1)
+    image.view(np.uint32).reshape(-1)[row * width + column] = shaded.view(np.uint32)
 
 
 class DrawnView(QWidget):

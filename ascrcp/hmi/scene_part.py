@@ -10,6 +10,12 @@ from ascrcp.core.geometry import Array
 from ascrcp.hmi.theme import SceneColours
 from ascrcp.session.snapshot import Scene
 
+FADE = 0.55
+"""Share of its brightness the farthest point loses, so that depth can be seen."""
+
+LEAST_DEPTH = 0.1
+"""Depth of a picture is taken to be at least this [m]."""
+
 SPRAY_LENGTH = 1.0
 """Length of the line drawn out of the nozzle [m]: the thesis's stand-off."""
 
@@ -45,6 +51,23 @@ def arm_line(frames: Array, spraying: bool) -> ArmLine:
 def rgb(colour: str) -> tuple[int, int, int]:
     """Return red, green, blue of "#rrggbb", 0..255."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def brightness(depth: NDArray, seen: NDArray[np.bool_]) -> NDArray:
+    """Return how bright points are, from 1 for the nearest seen to 1 - FADE for the farthest.
+
+    Args:
+        depth: Before the eye [m], shape (n,).
+        seen: Which of them are in the picture, shape (n,).
+
+    Returns:
+        Shares, shape (n,); points out of the picture get those of its nearest or farthest.
+    """
+    if not seen.any():
+        return np.ones(len(depth))
+    nearest, farthest = float(depth[seen].min()), float(depth[seen].max())
+    share = (depth - nearest) / max(farthest - nearest, LEAST_DEPTH)
+    return np.asarray(1.0 - FADE * np.clip(share, 0.0, 1.0))
 
 
 def label_table(colours: SceneColours) -> NDArray[np.uint8]:

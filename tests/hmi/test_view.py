@@ -11,8 +11,8 @@ from rehearsal import SCAN_POSE, make_scene
 
 from ascrcp.core.flow import Label
 from ascrcp.hmi.camera import NEAR, Camera, first_camera, named_cameras
-from ascrcp.hmi.drawn_view import DrawnView, splat
-from ascrcp.hmi.scene_part import arm_line, label_table, path_segments, rgb, unsolved_points
+from ascrcp.hmi.drawn_view import SPLAT_PX, DrawnView, splat
+from ascrcp.hmi.scene_part import FADE, arm_line, brightness, label_table, path_segments, rgb, unsolved_points
 from ascrcp.hmi.scene_view import has_opengl, thin_scene
 from ascrcp.hmi.theme import Screen
 from ascrcp.kinematics import load_arm
@@ -52,6 +52,25 @@ def test_near_hides_far_and_behind_is_not_drawn(screen: Screen) -> None:
         assert image[..., 1].max() == 0
     splat(np.zeros((0, 3)), np.zeros((0, 3), np.uint8), camera, image)
     assert camera.project(points[2:], 80, 60)[1][0] < NEAR
+
+
+def test_no_corner_of_a_far_point_covers_a_near_one() -> None:
+    camera = Camera((0.0, 0.0, 0.0), 180.0, 0.0, 10.0, 60.0)
+    pixel = 10.0 * np.tan(np.radians(30)) / 40  # metres a pixel at the centre
+    shifts = np.array([[0.0, dy * pixel, dz * pixel] for dy in (-1, 0, 1) for dz in (-1, 0, 1)])
+    points = np.vstack([[[0.0, 0.0, 0.0]], shifts * 1.5 + [5.0, 0.0, 0.0]])
+    colours = np.array([[255, 0, 0]] + [[0, 0, 255]] * 9, np.uint8)
+    image = np.zeros((60, 80, 4), np.uint8)
+    splat(points, colours, camera, image)
+    assert (image[..., 0] == 255).sum() == SPLAT_PX**2
+
+
+def test_brightness_falls_with_depth_and_only_what_is_seen_counts() -> None:
+    depth = np.array([-5.0, 2.0, 3.0, 4.0, 90.0])
+    seen = np.array([False, True, True, True, False])
+    expected = [1.0, 1.0, 1.0 - FADE / 2, 1.0 - FADE, 1.0 - FADE]
+    np.testing.assert_allclose(brightness(depth, seen), expected)
+    assert (brightness(depth, ~np.ones(5, np.bool_)) == 1.0).all()
 
 
 def test_buttons_only_move_the_eye(screen: Screen) -> None:
