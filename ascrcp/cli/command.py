@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from ascrcp.app import Options as AppOptions
 from ascrcp.app import find_profile, load_simulation, open_replay
@@ -19,6 +20,7 @@ from ascrcp.cli.parser import Options
 from ascrcp.cli.table import result_table
 from ascrcp.cli.workspace import workspace
 from ascrcp.core.errors import AscrcpError, InputError
+from ascrcp.core.geometry import Array
 from ascrcp.perception.parameter import load_parameters as load_perception
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.session import stages
@@ -147,6 +149,9 @@ def solve(options: Options, output: Output) -> int:
         "solved": int(found.solved.sum()),
         "unsolved": unsolved,
         "duration_s": found.duration_s,
+        "tilted": int((found.tilt[found.solved] > 0.0).sum()),
+        "clearance_min_m": _least(found.clearance[found.solved]),
+        "clearance_moves_min_m": found.move_clearance,
     }
     lines = [f"point {row['point']}: {row['reason']}" for row in unsolved]
     lines.append(
@@ -154,6 +159,12 @@ def solve(options: Options, output: Output) -> int:
     )
     output.result(tree, "\n".join(lines))
     return OK
+
+
+def _least(clearances: Array) -> float | None:
+    """Least of the known values [m]; None if none is."""
+    known = clearances[np.isfinite(clearances)]
+    return float(known.min()) if known.size else None
 
 
 def run(options: Options, output: Output) -> int:

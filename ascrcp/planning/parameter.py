@@ -80,6 +80,17 @@ class TimingParameters(Struct):
     row_s: Annotated[float, Meta(ge=0.02, le=0.5)]
 
 
+class SolveParameters(Struct):
+    """What the joints are solved against.
+
+    Attributes:
+        bodies: Whether vehicles, people and muck in the scan are kept clear of like the rest; without,
+            they are taken to have left.
+    """
+
+    bodies: bool
+
+
 class CheckParameters(Struct):
     """What the dry run lets pass."""
 
@@ -94,6 +105,7 @@ class Parameters(Struct):
     """config/planning.yaml as a whole."""
 
     path: PlanningParameters
+    solve: SolveParameters
     timing: TimingParameters
     check: CheckParameters
 

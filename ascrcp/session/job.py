@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ascrcp.control.move import plan_move
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
-from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.sag import sagged_forward
 from ascrcp.session import stages
 from ascrcp.session.evaluation import evaluate
@@ -233,23 +231,20 @@ def run_sequence(desk: Desk) -> None:
 
 
 def _move_to(desk: Desk, target: Array) -> None:
-    session = desk.session
-    mover = _Mover(session.arm, session.setup.payload_kg)
-    sequence = plan_move(mover, session.measured_q(), target.tolist(), session.setup.control)
+    """Move to a pose at rest, planned in the compute process: clear of what the round's scan saw."""
+    session, setup = desk.session, desk.session.setup
+    sequence = session.run_compute(
+        stages.approach,
+        session.round.folder,
+        setup.machine,
+        setup.planning,
+        setup.control,
+        setup.payload_kg,
+        session.measured_q(),
+        target.tolist(),
+        share=(0.0, 0.0),
+    )
     session.run_motion(lambda: session.cycle.follow(sequence))
-
-
-class _Mover:
-    """The arm as a move sees it: its nozzle where gravity takes it."""
-
-    def __init__(self, arm: Arm, payload_kg: float) -> None:
-        self.max_speed, self.max_acceleration, self.max_jerk = (
-            arm.max_speed,
-            arm.max_acceleration,
-            arm.max_jerk,
-        )
-        self.within_limits = arm.within_limits
-        self.forward = lambda q: sagged_forward(arm, q, payload_kg)
 
 
 def scan_heading(desk: Desk) -> None:

@@ -4,18 +4,24 @@ Each is one arrow of design.md section 2 with its files around it; the session a
 run the very same functions.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ascrcp.control.config import ControlConfig
+from ascrcp.control.move import check_ends, find_changeover, plan_move
 from ascrcp.core.flow import Cloud, JointSequence, SprayPath, Surface
+from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
-from ascrcp.kinematics.arm import load_arm
+from ascrcp.kinematics.arm import Arm, load_arm
+from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.path import solve_path
-from ascrcp.kinematics.sag import sagged_lidar
+from ascrcp.kinematics.route import find_route
+from ascrcp.kinematics.sag import sagged_forward, sagged_lidar
 from ascrcp.perception.features import build_features
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.project import project
@@ -26,7 +32,7 @@ from ascrcp.planning.dryrun import check_sequence
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.path import plan as plan_path
 from ascrcp.planning.table import read_joints, read_path, write_joints, write_path
-from ascrcp.planning.timing import time_sequence
+from ascrcp.planning.timing import time_path
 from ascrcp.session.round import Round
 from ascrcp.session.store import read_scan, read_surface, write_json, write_surface
 
@@ -89,25 +95,136 @@ def plan(folder: Path, config: PlanningParameters, progress: Progress = _quiet) 
 
 @dataclass(frozen=True)
 class Solution:
-    """Outcome of `solve`: which points have joints, and why the others have none."""
+    """Outcome of `solve`; rows belong to the planned points.
+
+    Attributes:
+        solved: Which points are sprayed, shape (n,).
+        reasons: Why the others are not, None for those that are.
+        duration_s: Length of the sequence [s].
+        tilt: Angle by which a pose was tilted to keep clear [rad], shape (n,).
+        clearance: Distance to the surroundings [m], NaN where unsolved or not known, shape (n,).
+        move_clearance: The least of it between strokes [m]; None without moves or surroundings.
+    """
 
     solved: NDArray[np.bool_]
     reasons: tuple[str | None, ...]
     duration_s: float
+    tilt: Array
+    clearance: Array
+    move_clearance: float | None
 
 
 def solve(
     folder: Path, machine: str, config: PlanningParameters, payload_kg: float, progress: Progress = _quiet
 ) -> Solution:
-    """path.csv -> joints.csv."""
+    """path.csv and surface.npz -> joints.csv, clear of what the scan saw.
+
+    The path stays as planned; where poses had to be tilted, the joints' file holds them as driven.
+
+    Raises:
+        InputError: Nothing planned, or a damaged file.
+        UnreachableError: Not one point can be sprayed.
+    """
     round_ = Round(folder)
     arm = load_arm(machine)
     path = read_path(round_.need("path", "plan"))
-    found = solve_path(arm, path, arm.zero_pose, payload_kg=payload_kg, progress=lambda f: progress(0.85 * f))
-    sequence = time_sequence(arm, path, found.q, found.break_before, config.timing)
-    check_sequence(arm, sequence, config.check).require()
-    write_joints(round_.joints, sequence, arm.prismatic)
-    return Solution(found.solved, found.reasons, sequence.duration)
+    around = find_obstacles(round_, arm, config)
+    progress(0.1)
+    found = solve_path(
+        arm,
+        path,
+        arm.zero_pose,
+        payload_kg=payload_kg,
+        progress=lambda done: progress(0.1 + 0.75 * done),
+        obstacles=around,
+    )
+    timed = time_path(
+        arm,
+        found.path,
+        found.q,
+        found.break_before,
+        config.timing,
+        around,
+        progress=lambda done: progress(0.85 + 0.13 * done),
+    )
+    check_sequence(arm, timed.sequence, config.check).require()
+    write_joints(round_.joints, timed.sequence, arm.prismatic)
+    reasons = tuple(a or b for a, b in zip(found.reasons, timed.reasons, strict=True))
+    return Solution(
+        solved=np.array([reason is None for reason in reasons]),
+        reasons=reasons,
+        duration_s=timed.sequence.duration,
+        tilt=found.tilt,
+        clearance=found.clearance,
+        move_clearance=_move_clearance(arm, timed.sequence, around),
+    )
+
+
+def find_obstacles(round_: Round, arm: Arm, config: PlanningParameters) -> Obstacles | None:
+    """Build what the arm may hit from the round's surface; None without one or without shapes of links."""
+    if not round_.surface.exists() or arm.description.clearance is None:
+        return None
+    scan_q = read_scan(round_.scan).q if round_.scan.exists() else None
+    return Obstacles.from_surface(read_surface(round_.surface), arm, scan_q, bodies=config.solve.bodies)
+
+
+def _move_clearance(arm: Arm, sequence: JointSequence, obstacles: Obstacles | None) -> float | None:
+    between = sequence.q[~sequence.spraying & (sequence.point < 0)]
+    if obstacles is None or not len(between):
+        return None
+    return float(clearance(arm, between, obstacles).distance.min())
+
+
+def approach(
+    folder: Path,
+    machine: str,
+    config: PlanningParameters,
+    control: ControlConfig,
+    payload_kg: float,
+    q_from: Sequence[float],
+    q_to: Sequence[float],
+    progress: Progress = _quiet,
+) -> JointSequence:
+    """Plan a move from pose to pose, clear of what the round's scan saw if there is one.
+
+    Args:
+        folder: Round folder.
+        machine: Machine name or YAML.
+        config: Whether bodies count.
+        control: Speeds and coupling rule of moves.
+        payload_kg: Concrete in the hose [kg], for the nozzle's pose.
+        q_from: Joints as measured [rad, m].
+        q_to: Joints where the move ends.
+        progress: Called with the fraction done.
+
+    Raises:
+        InputError: A joint vector that is not finite or has the wrong length.
+        UnreachableError: A target outside the limits, or no way found that keeps clear; the message says
+            what would be hit.
+    """
+    arm = load_arm(machine)
+    mover = SaggedArm(arm, payload_kg)
+    start, end = check_ends(mover, q_from, q_to)
+    between = find_changeover(mover, start, end, control)
+    around = find_obstacles(Round(folder), arm, config)
+    progress(0.5)
+    if around is not None:
+        between = list(find_route(arm, start, end, around, between))
+    progress(1.0)
+    return plan_move(mover, start.tolist(), end.tolist(), control, between)
+
+
+class SaggedArm:
+    """The arm as a move sees it: its nozzle where gravity takes it."""
+
+    def __init__(self, arm: Arm, payload_kg: float) -> None:
+        self.max_speed, self.max_acceleration, self.max_jerk = (
+            arm.max_speed,
+            arm.max_acceleration,
+            arm.max_jerk,
+        )
+        self.within_limits = arm.within_limits
+        self.forward = lambda q: sagged_forward(arm, q, payload_kg)
 
 
 @dataclass(frozen=True)
