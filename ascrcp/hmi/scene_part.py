@@ -10,7 +10,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.hmi.theme import SceneColours
 from ascrcp.session.snapshot import Scene
 
-FADE = 0.55
+FADE = 0.4
 """Share of its brightness the farthest point loses, so that depth can be seen."""
 
 LEAST_DEPTH = 0.1
