@@ -58,6 +58,11 @@ def bench(options: Options, output: Output) -> int:
         from ascrcp.cli.bench_headings import measure_headings
 
         proofs += measure_headings(options.machine, options.seed, output.say)
+    if options.which in ("all", "perception"):
+        from ascrcp.cli.bench_perception import measure_perception, measure_speed
+
+        figures += measure_speed(options.seed, output.say)
+        proofs += measure_perception(options.seed, output.say)
     if options.which in ("all", "proof"):
         from ascrcp.cli.bench_proof import prove_inverse
 

@@ -7,7 +7,7 @@ from ascrcp import __version__
 
 Options = argparse.Namespace
 
-BENCHES = ("kinematics", "headings", "proof")
+BENCHES = ("kinematics", "headings", "perception", "proof")
 
 
 def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:

@@ -14,6 +14,7 @@ from ascrcp.perception.profile_line import curvature
 from ascrcp.perception.section import Extent
 from ascrcp.perception.wall import Wall
 
+_RIM = 2  # cells beside a shadow whose depth is not trusted
 _AROUND = np.ones((3, 3), dtype=bool)
 
 
@@ -37,8 +38,9 @@ def find_overbreak(
         deep = (wall.offset > line) & unsprayed[:, None]
     seen = deep & ~wall.filled & beyond_runs(wall, line, parameters)
     # cells in shadow join what is seen on both sides of an arch, but found nothing themselves
-    parts, count = label(seen | (deep & wall.filled), structure=_AROUND)
-    area, volume = cell_area(wall, profile), cell_volume(wall, profile)
+    shadow = (deep & wall.filled) | (across_shadow(seen, wall.filled) & unsprayed[:, None])
+    parts, count = label(seen | shadow, structure=_AROUND)
+    area, volume = cell_area(wall, profile) * wall.share, cell_volume(wall, profile) * wall.share
     regions: list[tuple[Overbreak, int]] = []
     for part in range(1, count + 1):
         mine = (parts == part) & seen
@@ -53,6 +55,30 @@ def find_overbreak(
     regions.sort(key=lambda r: -r[0].volume_m3)
     chosen = np.isin(parts, [part for _, part in regions])
     return [region for region, _ in regions], chosen
+
+
+def across_shadow(seen: NDArray[np.bool_], filled: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark shadows along the axis that have overbreak at both their ends: one pocket cut by an arch.
+
+    At a shadow's rim some cells hold echoes that mix steel and rock, so that the next few count too.
+
+    Args:
+        seen: Cells found to be overbreak, shape (ns, na).
+        filled: Cells in shadow, shape (ns, na).
+
+    Returns:
+        Cells in shadow, and rims, that join what lies on both sides, shape (ns, na).
+    """
+    row = np.arange(len(seen))[:, None]
+    before = np.maximum.accumulate(np.where(seen, row, -1), axis=0)
+    after = np.minimum.accumulate(np.where(seen, row, len(seen))[::-1], axis=0)[::-1]
+    between_both = ~seen & (before >= 0) & (after < len(seen))
+    # open cells passed on the way from one side to the other: rims only
+    opened = np.cumsum(~filled & ~seen, axis=0)
+    first, last = np.maximum(before, 0), np.minimum(after, len(seen) - 1)
+    passed = np.take_along_axis(opened, last, 0) - np.take_along_axis(opened, first, 0)
+    shaded = (last - first - 1) - passed
+    return np.asarray(between_both & (passed <= 2 * _RIM) & (shaded > 0))
 
 
 def beyond_runs(wall: Wall, line: float, parameters: OverbreakParameters) -> NDArray[np.bool_]:

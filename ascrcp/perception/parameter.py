@@ -88,12 +88,13 @@ class OverbreakParameters(Struct):
 
 
 class WallParameters(Struct):
-    """Unrolled wall: cell edge [m], sprayed rows kept [m], gaps bridged [cells], shadows filled [m]."""
+    """Unrolled wall: cell edge, sprayed rows kept [m], gaps bridged [cells], shadows filled, steel [m]."""
 
     cell: Annotated[float, Meta(ge=0.02, le=0.5)]
     behind: Annotated[float, Meta(ge=0.0, le=50.0)]
     bridge: Annotated[int, Meta(ge=0, le=10)]
     fill: Length
+    steel: Length
 
 
 class PerceptionParameters(Struct):

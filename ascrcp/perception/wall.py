@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import convolve
 
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
@@ -16,6 +17,10 @@ from ascrcp.perception.section import Extent
 _SIDE = 0.03  # the arch's own side is seen this far beyond its flange [m]
 _CORNER = 0.06  # the corner between wall and face is left out by this much [m]; placeholder
 _PROUD = 0.25  # what stands farther inside the arch line than this is not wall [m]; placeholder
+_SHADOW = 0.6  # an arch's shadow reaches this far from it along the axis [m]; placeholder
+_NEIGHBOURS = 5  # of 8 cells: the rim of a straight shadow has five
+_BEFORE = 0.05  # a lone cell so far before the wall is a mixed echo: three times the relief of a cell [m]
+_STRIP = 0.5  # share in sight of a cell with shadow on both sides, the mean of all strips
 _EDGE = 3  # cells at an open end (face, edge of the sprayed part) that take their neighbour's value
 
 
@@ -29,6 +34,8 @@ class Wall:
         filled: Cells in shadow whose offset was filled in, shape (ns, na).
         count: Points in each cell, shape (ns, na).
         beyond: Those beyond the overbreak line, shape (ns, na).
+        share: Share of each cell that was in sight: 1 inside the wall seen, less at the rim of a
+            shadow, 0 in it, shape (ns, na).
     """
 
     raster: Raster
@@ -36,6 +43,7 @@ class Wall:
     filled: NDArray[np.bool_]
     count: Array
     beyond: Array
+    share: Array
 
 
 def is_arch(flat: Unrolled, rings: list[Ring], profile: Profile, side: float = 0.0) -> NDArray[np.bool_]:
@@ -44,6 +52,40 @@ def is_arch(flat: Unrolled, rings: list[Ring], profile: Profile, side: float = 0
     for ring in rings:
         steel |= np.abs(ring.distance(flat.station, flat.yz)) < ring.width / 2 + side
     return steel & (flat.offset < between(profile))
+
+
+def is_steel(flat: Unrolled, rings: list[Ring], profile: Profile, depth: float) -> NDArray[np.bool_]:
+    """Mark points that may lie on any part of an arch, web and outer flange too, shape (n,).
+
+    Args:
+        flat: Points.
+        rings: Arches.
+        profile: Design profile.
+        depth: Of the arches' section [m].
+    """
+    steel = np.zeros(len(flat), dtype=bool)
+    for ring in rings:
+        steel |= np.abs(ring.distance(flat.station, flat.yz)) < ring.width / 2 + _SIDE
+    return steel & (flat.offset < profile.arch_line + depth)
+
+
+def is_mixed(mean: Array, near_arch: NDArray[np.bool_], longest: int) -> NDArray[np.bool_]:
+    """Mark cells in an arch's shadow that hold only echoes mixed from its edge and the rock, (ns, na).
+
+    Wall goes on round a cell, even at the rim of a shadow; mixed echoes hang one by one before the
+    wall that goes past them.
+
+    Args:
+        mean: Mean offset of every cell, NaN where none was seen [m], shape (ns, na).
+        near_arch: Where shadows may fall, shape (ns, na).
+        longest: Shadows bridged [cells].
+    """
+    full = ~np.isnan(mean)
+    around = convolve(full.astype(float), np.ones((3, 3)), mode="constant") - full
+    lone = full & near_arch & (around < _NEIGHBOURS)
+    past = bridge(np.where(lone, np.nan, mean), 0, longest)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(lone & (mean < past - _BEFORE))
 
 
 def wall_end(extent: Extent) -> float:
@@ -72,19 +114,52 @@ def build_wall(
     start = extent.sprayed_end - before * cell
     raster = raster_over(start, max(extent.end, start + 2 * cell), cell, cell, profile)
     rock = wall.pick(
-        ~is_arch(wall, rings, profile, _SIDE)
+        ~is_steel(wall, rings, profile, parameters.steel)
         & (wall.station >= start)
         & (wall.station < wall_end(extent))
         & (wall.offset > profile.arch_line - _PROUD)
     )
     index = raster.index(rock.station, rock.along)
     mean, count = raster.mean(index, rock.offset)
-    beyond = raster.total(index, (rock.offset > profile.overbreak_line).astype(float))
+    longest = int(np.ceil(parameters.fill / cell))
+    mixed = is_mixed(mean, _is_near(raster, rings, profile), longest)
+    mean[mixed], count[mixed] = np.nan, 0.0
+    beyond = np.where(mixed, 0.0, raster.total(index, (rock.offset > profile.overbreak_line).astype(float)))
+    place = [raster.mean(index, value)[0] for value in (rock.station, rock.along)]
     # sprayed part and rock are different surfaces: nothing is filled across the edge between them
     parts = [_filled(mean[:before], parameters), _filled(mean[before:], parameters)]
     offset = np.concatenate([part[0] for part in parts])
     filled = np.concatenate([part[1] for part in parts])
-    return Wall(raster, offset, filled, count, beyond)
+    share = _share(raster, place, count, ~filled & ~np.isnan(offset))
+    return Wall(raster, offset, filled, count, beyond, share)
+
+
+def _share(raster: Raster, place: list[Array], count: Array, seen: NDArray[np.bool_]) -> Array:
+    """Share of each cell that was in sight, from where its points lie in it, shape (ns, na).
+
+    Where one neighbour lies in shadow the shadow's rim crosses the cell, and points spread evenly
+    over what is left have their mean in its middle: right in the mean over many cells, not in each.
+    """
+    share = np.where(seen, 1.0, 0.0)
+    middles = (raster.station[:, None], raster.along[None, :])
+    for axis, size in ((0, raster.row), (1, raster.column)):
+        dark = np.pad(~seen, [(int(i == axis), int(i == axis)) for i in (0, 1)])
+        before = np.delete(dark, [-2, -1], axis)
+        after = np.delete(dark, [0, 1], axis)
+        aside = np.where(count > 0, np.nan_to_num(place[axis] - middles[axis]) / size, 0.0)
+        toward = before.astype(float) - after  # +1 where the part in sight lies at the far side
+        share *= np.where(before & after, _STRIP, 1.0 - 2.0 * aside * toward)
+    return np.where(seen, share, 0.0)
+
+
+def _is_near(raster: Raster, rings: list[Ring], profile: Profile) -> NDArray[np.bool_]:
+    """Whether cells lie so near an arch that its shadow may fall on them, shape (ns, na)."""
+    near = np.zeros(raster.shape, dtype=bool)
+    station = np.repeat(raster.station, raster.shape[1])
+    yz = np.tile(profile.point(raster.along), (raster.shape[0], 1))
+    for ring in rings:
+        near |= (np.abs(ring.distance(station, yz)) < ring.width / 2 + _SHADOW).reshape(raster.shape)
+    return near
 
 
 def _filled(mean: Array, parameters: WallParameters) -> tuple[Array, NDArray[np.bool_]]:
