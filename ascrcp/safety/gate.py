@@ -1,8 +1,8 @@
 """The gate every command passes last: MachineInputs and a wanted Command -> the allowed Command.
 
-States: STOPPED (a cause is latched) -RESET-> READY -START-> ARMED -R2-> STOPPING -> READY. Power-up
-is STOPPED. Only ARMED and STOPPING put anything but zero on the wire. Everything else in the
-platform is untrusted here.
+States: STOPPED (a cause is latched) -RESET-> READY -START-> ARMED -R2 or no longer enabled-> STOPPING
+-> READY. Power-up is STOPPED. Only ARMED and STOPPING put anything but zero on the wire. Everything
+else in the platform is untrusted here.
 """
 
 from collections.abc import Sequence
@@ -91,7 +91,8 @@ class Gate:
             request: What the platform wants.
             reset: Reset button; only its rising edge counts, and only while no cause is active,
                 save a joint beyond its limit: that may then be brought back, inward and slowly (F13).
-            start: Start of a motion; only its rising edge counts, and only in READY.
+            start: Start of a motion; only its rising edge counts, and only in READY or while the motion
+                before it comes to rest in good order.
             stop: Stop on the screen, or the session's wish for a protective stop.
             error_q: Target minus measured joints [rad or m], None while nothing is followed.
 
@@ -108,9 +109,9 @@ class Gate:
             self._stop(hard)
         elif self._state is GateState.STOPPED and reset_edge:
             self._state, self._causes = GateState.READY, []
-        elif self._state is GateState.READY and start_edge and not soft:
+        elif self._may_start and start_edge and not soft:
             self._state, self._causes = GateState.ARMED, []
-        elif self._state is GateState.ARMED and soft:
+        elif self._state is GateState.ARMED and (soft or not request.enable):
             self._state, self._causes = GateState.STOPPING, soft
         if beyond and reset_edge and hard == ["joint_limit"]:
             self._state, self._causes, self._recovering = GateState.READY, [], beyond
@@ -123,6 +124,11 @@ class Gate:
             self._state = GateState.READY
         self._sent = command
         return self._verdict(command, active)
+
+    @property
+    def _may_start(self) -> bool:
+        stops_for_a_cause = self._state is GateState.STOPPING and bool(self._causes)
+        return self._state in (GateState.READY, GateState.STOPPING) and not stops_for_a_cause
 
     def _find(
         self, inputs: MachineInputs, request: Command, error_q: Sequence[float] | None, stop: bool

@@ -193,6 +193,28 @@ def test_f28_five_late_cycles_in_fifty_stop_and_one_is_counted():
     assert verdict.state is GateState.STOPPING and verdict.causes == ("cycle_late",)
 
 
+def test_motion_that_has_ended_is_not_taken_up_again_without_a_start():
+    bench = Bench().arm()
+    bench.run(10, moving(0.5, pump=0.5))
+    idle = Command(drive=(0.0,) * JOINTS)
+    verdict = bench.cycle(idle)
+    assert verdict.state is GateState.STOPPING and not verdict.causes and verdict.command.pump == 0.0
+    assert bench.run(10, idle).state is GateState.READY and not bench.sent.enable
+    assert not any(bench.run(10, moving(0.5)).command.drive)
+    assert any(bench.cycle(moving(0.5), start=True).command.drive)
+
+
+def test_next_motion_may_start_while_the_last_one_comes_to_rest_but_not_out_of_a_controlled_stop():
+    bench = Bench().arm()
+    bench.run(10, moving(0.5))
+    bench.cycle(Command(drive=(0.0,) * JOINTS))
+    assert bench.cycle(moving(0.5), start=True).state is GateState.ARMED
+    bench.run(10, moving(0.5))
+    bench.t_ns += 50_000_000
+    assert bench.cycle(moving(0.5)).state is GateState.STOPPING
+    assert bench.cycle(moving(0.5), start=True).state is GateState.STOPPING
+
+
 def test_f42_suspend_protects():
     bench = Bench().arm()
     bench.t_ns += 2_000_000_000
