@@ -1,5 +1,6 @@
 """The simulated lidar seen from the rig: starts its process, tells it the pose, knows its port."""
 
+import contextlib
 import multiprocessing
 
 import numpy as np
@@ -40,10 +41,13 @@ class LidarServer:
         self._pipe, theirs = context.Pipe()
         self._port: int | None = None
         self._process = context.Process(
-            target=serve, args=(config, heading, int(seed), self._poses, theirs), name="lidar", daemon=True
+            target=serve, args=(config, int(seed), self._poses, theirs), name="lidar", daemon=True
         )
         self._process.start()
         theirs.close()
+        # not among the arguments: starting a process that dies at once would wait for ever to hand them over
+        with contextlib.suppress(OSError):  # `port` says that it has ended
+            self._pipe.send(heading)
 
     @property
     def port(self) -> int:

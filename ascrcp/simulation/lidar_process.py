@@ -89,15 +89,19 @@ class LidarNode:
         return True
 
 
-def serve(config: LidarConfig, heading: Heading, seed: int, poses: PoseBoard, pipe: Connection) -> None:
+def serve(config: LidarConfig, seed: int, poses: PoseBoard, pipe: Connection) -> None:
     """Run the scanner until the parent closes its end of the pipe or is gone.
 
-    The first message back is the port, or the reason why there is none.
+    The first message that comes is the heading; the first message back is the port, or the reason why
+    there is none.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent; closing its pipe ends us
     try:
+        heading: Heading = pipe.recv()
         node = LidarNode(config, LidarModel(config, heading), poses, seed)
         listener = socket.create_server((HOST, 0))
+    except EOFError:  # the parent is gone already
+        return
     except (DeviceError, OSError) as error:
         pipe.send(str(error))
         return

@@ -1,6 +1,7 @@
 """The simulated lidar: its model against analytic distances, its server through the real driver."""
 
 import multiprocessing
+import multiprocessing.spawn
 import socket
 from collections.abc import Iterator
 from typing import Any
@@ -154,6 +155,18 @@ def test_process_sends_the_same_bytes_as_its_node_and_its_end_is_an_error(rough:
     server.close()
     with pytest.raises(DeviceError, match="connection"):
         driver.read_line()
+    server.close()
+
+
+def test_process_that_cannot_start_is_an_error_and_no_wait_for_ever(smooth: Heading) -> None:
+    python = multiprocessing.spawn.get_executable()
+    multiprocessing.set_executable("/bin/false")
+    try:
+        server = LidarServer(load(LIDAR, LidarConfig), smooth, seed=1)
+    finally:
+        multiprocessing.set_executable(python)
+    with pytest.raises(DeviceError, match="ended before it was ready"):
+        _ = server.port
     server.close()
 
 
