@@ -1,7 +1,8 @@
 """The composition root: configuration -> real devices or simulated rig -> session."""
 
+import itertools
 import os
-from collections.abc import Callable
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,6 +41,7 @@ from ascrcp.simulation.rig import FOLDER, Rig, RigConfig
 from ascrcp.simulation.tunnel import TunnelConfig
 
 RIG_KEYS = ("arm", "bus", "tunnel", "lidar")
+_CHANNELS = itertools.count(1)
 
 
 @dataclass(frozen=True)
@@ -144,44 +146,43 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     codec = Codec(DBC)
     _check_bus(can)
     round_ = open_round(folder, rounds)
-    round_.check_machine(options.machine)
-    server = None
-    if options.cloud is None:
-        heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
-        write_json(round_.folder / "truth.json", heading.truth.to_dict())
-        server = LidarServer(simulation.lidar, heading, options.seed)
-    machine, rig, close_bus = _open_rig(arm, can, codec, simulation.rig, options)
-    lidar: Lidar = SickLidar(server.host, server.port, device.timeout_s) if server else _NoLidar()
-
-    def close() -> None:
-        lidar.close()
-        if server is not None:
-            server.close()
-        close_bus()
-
-    return Session(
-        Setup(
-            arm=arm,
-            machine=options.machine,
-            link=machine,
-            tracker=tracker,
-            gate=gate,
-            lidar=lidar,
-            sweep=device.sweep,
-            profile=profile,
-            perception=perception,
-            planning=planning,
-            control=control,
-            payload_kg=options.load_kg,
-            cloud=options.cloud,
-            plant=Site(rig, server),
-            truth=rig.true_nozzle,
-            lockstep=options.lockstep,
-            manifest=_manifest(options, profile),
-            close=close,
-        ),
-        round_,
-    )
+    with ExitStack() as opened:
+        opened.enter_context(round_.lock())
+        round_.check_machine(options.machine)
+        server = None
+        if options.cloud is None:
+            heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
+            write_json(round_.folder / "truth.json", heading.truth.to_dict())
+            server = opened.enter_context(closing(LidarServer(simulation.lidar, heading, options.seed)))
+        machine, rig = _open_rig(arm, can, codec, simulation.rig, options, opened)
+        lidar: Lidar = SickLidar(server.host, server.port, device.timeout_s) if server else _NoLidar()
+        opened.callback(lidar.close)
+        kept = ExitStack()
+        session = Session(
+            Setup(
+                arm=arm,
+                machine=options.machine,
+                link=machine,
+                tracker=tracker,
+                gate=gate,
+                lidar=lidar,
+                sweep=device.sweep,
+                profile=profile,
+                perception=perception,
+                planning=planning,
+                control=control,
+                payload_kg=options.load_kg,
+                cloud=options.cloud,
+                plant=Site(rig, server),
+                truth=rig.true_nozzle,
+                lockstep=options.lockstep,
+                manifest=_manifest(options, profile),
+                close=kept.close,
+            ),
+            round_,
+        )
+        kept.push(opened.pop_all())  # from here on the session closes it all
+        return session
 
 
 def open_replay(round_: Round, bus: ReplayBus) -> Cycle:
@@ -217,21 +218,13 @@ def _check_bus(can: CanConfig) -> None:
 
 
 def _open_rig(
-    arm: Arm, can: CanConfig, codec: Codec, config: RigConfig, options: Options
-) -> tuple[MachineLink, Rig, Callable[[], None]]:
-    if can.bus.interface != "virtual":
-        raise ConfigError(
-            "config/devices/can.yaml: the simulated rig needs bus interface virtual (fault F44)"
-        )
-    channel = f"{can.bus.channel}-{os.getpid()}-{id(options)}"
-    ours, theirs = Bus(can.bus, channel), Bus(can.bus, channel)
+    arm: Arm, can: CanConfig, codec: Codec, config: RigConfig, options: Options, opened: ExitStack
+) -> tuple[MachineLink, Rig]:
+    channel = f"{can.bus.channel}-{os.getpid()}-{next(_CHANNELS)}"
+    ours = opened.enter_context(closing(Bus(can.bus, channel)))
+    theirs = opened.enter_context(closing(Bus(can.bus, channel)))
     rig = Rig(config, arm, theirs, seed=options.seed, load_kg=options.load_kg, codec=codec)
-
-    def close() -> None:
-        ours.close()
-        theirs.close()
-
-    return MachineLink(ours, codec, can, joints=arm.n), rig, close
+    return MachineLink(ours, codec, can, joints=arm.n), rig
 
 
 def _manifest(options: Options, profile: Profile) -> dict[str, Any]:

@@ -4,14 +4,17 @@ Small chunks, handed to the system five times a second of job time, so that a ki
 most the last (faults, trap 8: MCAP's defaults lose everything).
 """
 
+import contextlib
+import itertools
 import logging
 import queue
 import threading
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 from mcap.writer import CompressionType, Writer
 
+from ascrcp.core.errors import InputError
 from ascrcp.session.cycle import CycleOutput
 from ascrcp.session.journal import Entry, Journal
 from ascrcp.session.order import encode_order
@@ -73,9 +76,18 @@ class Recorder:
     """Queue and thread that write `run.mcap` and `events.sqlite` into a round folder."""
 
     def __init__(self, folder: Path) -> None:
+        """Open both files; the log of an earlier session in this folder is kept as `run-N.mcap`.
+
+        Raises:
+            InputError: A file cannot be opened.
+        """
         self._queue: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
         self._journal = Journal(folder / "events.sqlite")
-        self._file = (folder / "run.mcap").open("wb")
+        try:
+            self._file = _open_log(folder / "run.mcap")
+        except OSError as error:
+            self._journal.close()
+            raise InputError(f"{folder / 'run.mcap'}: {error.strerror or error}") from None
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library="ascrcp")
         self._channels = {topic: self._register(topic, schema) for topic, schema in _SCHEMAS.items()}
@@ -152,8 +164,14 @@ class Recorder:
         self._queue.put(None)
         self._thread.join()
         try:
-            self._writer.finish()
-            self._file.close()
+            with contextlib.closing(self._journal), contextlib.closing(self._file):
+                self._writer.finish()
         except OSError as error:
-            self.failed = f"run log: {error}"
-        self._journal.close()
+            self.failed = self.failed or f"run log: {error}"
+
+
+def _open_log(place: Path) -> BinaryIO:
+    if place.is_file() and place.stat().st_size:
+        kept = (place.with_name(f"run-{number}.mcap") for number in itertools.count(1))
+        place.rename(next(name for name in kept if not name.exists()))
+    return place.open("wb")

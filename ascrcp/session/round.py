@@ -1,8 +1,9 @@
 """The round folder: where everything recorded about one advance of the heading lies."""
 
+import fcntl
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from ascrcp.core.errors import InputError
 from ascrcp.session.evaluation import RunTrace
@@ -46,16 +47,42 @@ class Round:
     def pictures(self) -> Path:
         """Folder of the pictures, made when first asked for."""
         place = self.folder / "pictures"
-        place.mkdir(exist_ok=True)
+        try:
+            place.mkdir(exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{place}: cannot make the folder: {error.strerror or error}") from None
         return place
 
     def manifest(self) -> dict[str, Any]:
         """Return what the round was made with; empty if nothing was noted."""
-        return dict(read_json(self._manifest)) if self._manifest.exists() else {}
+        tree = read_json(self._manifest) if self._manifest.exists() else {}
+        if not isinstance(tree, dict):
+            raise InputError(f"{self._manifest}: must hold one JSON object")
+        return tree
 
     def note(self, **values: Any) -> None:
         """Add to what the round was made with."""
         write_json(self._manifest, {**self.manifest(), **values})
+
+    def lock(self) -> IO[bytes]:
+        """Take the folder for one session (fault F43); closing what is returned gives it back.
+
+        The kernel gives it back by itself when the process dies.
+
+        Raises:
+            InputError: Another session has it, or it cannot be written.
+        """
+        place = self.folder / ".lock"
+        try:
+            holder = place.open("wb")
+        except OSError as error:
+            raise InputError(f"{place}: {error.strerror or error}") from None
+        try:
+            fcntl.flock(holder, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            holder.close()
+            raise InputError(f"{self.folder}: another ascrcp works on this round") from None
+        return holder
 
     def check_machine(self, machine: str) -> None:
         """Refuse a round that was solved for another machine (fault F41).
@@ -115,10 +142,22 @@ def open_round(folder: Path | None, base: Path) -> Round:
                 for p in base.glob("round-*")
                 if p.name.removeprefix("round-").isdigit()
             ]
-            folder = base / f"round-{max(taken, default=0) + 1:04d}"
+            return Round(_make_next(base, max(taken, default=0) + 1))
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(
             f"{folder or base}: cannot make the round folder: {error.strerror or error}"
         ) from None
     return Round(folder)
+
+
+def _make_next(base: Path, number: int) -> Path:
+    """Make the first folder from a number on that nobody else makes at the same moment."""
+    while True:
+        folder = base / f"round-{number:04d}"
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            number += 1
+        else:
+            return folder

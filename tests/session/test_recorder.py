@@ -1,5 +1,6 @@
 """Run log and journal: frames and orders come back bit by bit; a killed writer loses little."""
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -8,11 +9,13 @@ import time
 from pathlib import Path
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.exceptions import McapError
 from mcap.reader import NonSeekingReader
 
+from ascrcp.core.errors import InputError
 from ascrcp.core.flow import JointSequence
 from ascrcp.session.journal import Journal
 from ascrcp.session.order import decode_order, encode_order
@@ -59,6 +62,40 @@ def test_log_and_journal_hold_what_was_put(tmp_path: Path) -> None:
     journal = Journal(tmp_path / "events.sqlite")
     assert [(e.kind, e.code, e.detail) for e in journal.entries()] == [("step", "zero", "started")]
     journal.close()
+
+
+def test_log_that_cannot_be_opened_is_one_error(tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").mkdir()
+    with pytest.raises(InputError, match=r"run\.mcap"):
+        Recorder(tmp_path)
+
+
+_FULL = """
+import resource, sys
+from pathlib import Path
+from ascrcp.session.recorder import Recorder
+r = Recorder(Path(sys.argv[1]))
+resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
+for i in range(20000):
+    joints = {"q": [i * 0.12] * 8, "q_ref": [i * 1.1] * 8, "drive": [], "reaction": 0}
+    r.put("/joints", i * 20_000_000, joints)
+r.close()
+print(r.failed, r._queue.qsize())
+"""
+
+
+def test_f38_full_disk_is_told_and_keeps_what_was_written(tmp_path: Path) -> None:
+    """A limit on the file's size stands for the full disk: the same error from the same call."""
+    done = subprocess.run(
+        [sys.executable, "-c", _FULL, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("run log: ") and done.stdout.endswith(" 0\n"), "nothing piles up"
+    assert "Traceback" not in done.stderr
+    count = 0
+    with (tmp_path / "run.mcap").open("rb") as file, contextlib.suppress(McapError, ValueError):
+        for _ in NonSeekingReader(file).iter_messages(log_time_order=False):
+            count += 1
+    assert count > 100
 
 
 _WRITER = """
