@@ -69,12 +69,12 @@ def _do(session: Session, step: Step) -> None:
     """Run one step to its end.
 
     Raises:
-        AscrcpError: It did not succeed; the message is the last announcement.
+        AscrcpError: It did not succeed; the message says why.
     """
     session.start(step)
     session.wait()
     if step not in session.snapshot().job.done:
-        raise AscrcpError(session.snapshot().announcements[-1].text[0])
+        raise AscrcpError(session.failure or f"{step.value} was stopped")
 
 
 def scan(options: Options, output: Output) -> int:
@@ -182,8 +182,7 @@ def run(options: Options, output: Output) -> int:
 def finish_job(session: Session, output: Output, code: int) -> int:
     """Print what the application's headless job came to."""
     if not session.desk.result:
-        failures = [line.text[0] for line in session.snapshot().announcements if line.failure]
-        raise AscrcpError(failures[-1] if failures else "the job ended before the run")
+        raise AscrcpError(session.failure or "the job ended before the run")
     result = job_result(session)
     output.result(result, result_table(result))
     return OK if code == OK and result["ok"] else FAILED

@@ -72,7 +72,11 @@ class TrackerOutput:
 
 
 class Tracker:
-    """Advance the reference, drive the joints after it, judge the planned points."""
+    """Advance the reference, drive the joints after it, judge the planned points.
+
+    Attributes:
+        sequence: What is followed, or was followed last; None before the first.
+    """
 
     def __init__(self, arm: TrackedArm, config: ControlConfig) -> None:
         if len(config.joints) != arm.n:
@@ -94,6 +98,7 @@ class Tracker:
         self._state: State = "hold"
         self._reason = ""
         self._reference: Reference | None = None
+        self.sequence: JointSequence | None = None
         self._judge = PointJudge([], config.tracker)
         self._t = 0.0
         self._paused = self._fresh = False
@@ -125,6 +130,7 @@ class Tracker:
         if not 0.0 <= from_s <= sequence.duration:
             raise InputError(f"sequence entered at {from_s} s, allowed 0..{sequence.duration:.2f} s")
         self._reference = Reference(sequence)
+        self.sequence = sequence
         self._judge = PointJudge(self._reference.points, self._config)
         self._judge.skip_to(from_s)
         self._t = from_s

@@ -5,8 +5,10 @@ they made the control loop miss its deadlines (faults, trap 1). A spawned proces
 work, arrays travel through shared memory, and only the small rest is pickled.
 """
 
+import contextlib
 import itertools
 import multiprocessing as mp
+import os
 import pickle
 import threading
 import traceback
@@ -28,17 +30,20 @@ _CANCEL_PATIENCE_S = 2.0  # a stage that does not ask for so long is killed inst
 class Compute:
     """One spawned process that runs stage functions, one at a time."""
 
-    def __init__(self) -> None:
+    def __init__(self, niceness: int = 0) -> None:
+        self._niceness = niceness
         self._context = mp.get_context("spawn")
         self._lock = threading.Lock()
         self._process: Any = None
         self._pipe: Connection | None = None
         self._cancel: Any = None
+        self._closed = False
 
     def start(self) -> None:
         """Spawn the process ahead of its first use, so that its imports do not delay a stage."""
         with self._lock:
-            self._ensure()
+            if not self._closed:  # a session that is closed at once must leave no process behind
+                self._ensure()
 
     def _ensure(self) -> None:
         if self._process is not None and self._process.is_alive():
@@ -46,7 +51,7 @@ class Compute:
         ours, theirs = self._context.Pipe()
         self._cancel = self._context.Event()
         self._process = self._context.Process(
-            target=_serve, args=(theirs, self._cancel), name="ascrcp-compute", daemon=True
+            target=_serve, args=(theirs, self._cancel, self._niceness), name="ascrcp-compute", daemon=True
         )
         self._process.start()
         theirs.close()
@@ -117,8 +122,9 @@ class Compute:
         self._process = self._pipe = None
 
     def close(self) -> None:
-        """End the process."""
+        """End the process, for good."""
         with self._lock:
+            self._closed = True
             self._kill()
 
 
@@ -169,8 +175,10 @@ def _defect(name: str, error: Exception) -> DefectError:
     return defect
 
 
-def _serve(pipe: Connection, cancel: Any) -> None:
+def _serve(pipe: Connection, cancel: Any, niceness: int) -> None:
     """Loop of the compute process."""
+    with contextlib.suppress(PermissionError):
+        os.setpriority(os.PRIO_PROCESS, 0, niceness)
 
     def progress(fraction: float) -> None:
         if cancel.is_set():

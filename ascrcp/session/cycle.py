@@ -17,7 +17,7 @@ from ascrcp.core.event import Reaction
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
 from ascrcp.core.machine_io import Command, MachineInputs
-from ascrcp.safety.gate import Gate, Verdict
+from ascrcp.safety.gate import Gate, GateState, Verdict
 
 
 class Link(Protocol):
@@ -80,16 +80,15 @@ class Cycle:
         self._tip = tip
         self._truth = truth
         self._orders: deque[tuple[str, Any]] = deque()
-        self._waiting: deque[Callable[[], None]] = deque()
+        self._waiting: deque[Callable[[], bool]] = deque()
         self._pan_target: float | None = None
         self._stop_pressed = False
         self._motion = self._ordered = 0
-        self._was_reaction = Reaction.PROTECT
 
     def follow(self, sequence: JointSequence, from_s: float = 0.0) -> int:
         """Order: follow a sequence from one of its instants; return the motion's number."""
         self._ordered += 1
-        self._waiting.append(lambda: self._orders.append(("follow", (sequence, from_s))))
+        self.begin(lambda: self.order("follow", (sequence, from_s)))
         return self._ordered
 
     def hold(self) -> None:
@@ -101,23 +100,28 @@ class Cycle:
         self._orders.append(("stop", None))
 
     def press_reset(self) -> None:
-        """Order: one rising edge of reset."""
-        self._waiting.append(lambda: self._orders.append(("reset", None)))
+        """Order: one rising edge of reset; dropped if nothing is latched when it is admitted."""
+        self.begin(lambda: self._gate.state is GateState.STOPPED and self.order("reset", None))
 
-    def begin(self, action: Callable[[], None]) -> None:
-        """Order: call something when the driver next admits new work."""
+    def begin(self, action: Callable[[], bool]) -> None:
+        """Order: call something when the driver next admits new work.
+
+        Args:
+            action: Returns whether it set anything going: lockstep turns only then.
+        """
         self._waiting.append(action)
 
-    def order(self, kind: str, value: Any) -> None:
-        """Order anything for the next cycle, as a run log tells it."""
+    def order(self, kind: str, value: Any) -> bool:
+        """Order anything for the next cycle, as a run log tells it; always True."""
         self._orders.append((kind, value))
+        return True
 
     def admit(self) -> bool:
-        """Let waiting orders in; return whether there were any."""
-        admitted = bool(self._waiting)
+        """Let waiting orders in; return whether there is anything to do now."""
+        admitted = False
         while self._waiting:
-            self._waiting.popleft()()
-        return admitted
+            admitted = self._waiting.popleft()() or admitted
+        return admitted or bool(self._orders)
 
     def point_pan(self, angle: float | None) -> None:
         """Order: pan head set-point [rad]."""
@@ -140,9 +144,8 @@ class Cycle:
         )
         self._stop_pressed = False
         self._link.send(verdict.command)
-        if verdict.reaction >= Reaction.STOP and self._was_reaction < Reaction.STOP:
+        if verdict.reaction >= Reaction.STOP and track.state == "follow":
             self._tracker.hold()
-        self._was_reaction = verdict.reaction
         tip = self._tip(inputs.q) if all(map(math.isfinite, inputs.q)) else None
         truth = self._truth() if self._truth is not None else None
         return CycleOutput(now_ns, inputs, track, verdict, tip, orders, self._motion, truth)

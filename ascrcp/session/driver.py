@@ -19,6 +19,7 @@ from ascrcp.session.cycle import Cycle, CycleOutput
 from ascrcp.session.snapshot import Lateness
 
 PRIORITY = 50  # SCHED_FIFO, above ordinary work and below the kernel's interrupt threads (placeholder)
+NICENESS = -10  # of every other thread of the application (placeholder)
 GRACE_CYCLES = 10  # lockstep: cycles that run after an order, so that a reset or stop is answered
 WINDOW = 1 << 16  # lateness samples kept: 22 minutes
 
@@ -33,6 +34,9 @@ class Plant(Protocol):
 
 Listener = Callable[[CycleOutput], bool]
 """Called after every cycle; returns whether something still goes on (lockstep keeps turning)."""
+
+OnFailure = Callable[[Exception], None]
+"""Called in the thread that an exception has ended; the machine's own watchdog makes it neutral then."""
 
 
 class LatenessMeter:
@@ -63,15 +67,17 @@ class RealTimeDriver:
 
     realtime = True
 
-    def __init__(self, cycle: Cycle, listener: Listener, plant: Plant | None = None) -> None:
+    def __init__(
+        self, cycle: Cycle, listener: Listener, on_failure: OnFailure, plant: Plant | None = None
+    ) -> None:
         self._cycle = cycle
         self._listener = listener
         self._plant = plant
         self.clock: Clock = RealClock()
         self._stop = threading.Event()
-        self._threads = [threading.Thread(target=self._control, name="ascrcp-control", daemon=True)]
+        self._threads = [_thread("ascrcp-control", self._control, on_failure)]
         if plant is not None:
-            self._threads.append(threading.Thread(target=self._machine, name="ascrcp-rig", daemon=True))
+            self._threads.append(_thread("ascrcp-rig", self._machine, on_failure))
         self.meter = LatenessMeter()
 
     def start(self) -> None:
@@ -83,6 +89,9 @@ class RealTimeDriver:
 
     def wake(self) -> None:
         """Orders are read every cycle anyway."""
+
+    def wait_for_rest(self) -> None:
+        """Real time never rests."""
 
     def _control(self) -> None:
         _raise_priority()
@@ -97,9 +106,11 @@ class RealTimeDriver:
             behind = clock.now_ns() - deadline
             if behind > CYCLE_NS:  # missed whole cycles: count them, never run them in a burst
                 deadline += behind // CYCLE_NS * CYCLE_NS
+        self._listener(self._cycle.step(clock.now_ns()))  # a stop ordered on the way out reaches the wire
 
     def _machine(self) -> None:
         assert self._plant is not None
+        _raise_priority()  # it stands for a machine that nothing holds up
         clock, deadline = self.clock, self.clock.now_ns() + CYCLE_NS // 2
         while not self._stop.is_set():
             clock.sleep_until(deadline)
@@ -118,14 +129,15 @@ class LockstepDriver:
 
     realtime = False
 
-    def __init__(self, cycle: Cycle, listener: Listener, plant: Plant) -> None:
+    def __init__(self, cycle: Cycle, listener: Listener, on_failure: OnFailure, plant: Plant) -> None:
         self._cycle = cycle
         self._listener = listener
         self._plant = plant
         self.clock = VirtualClock()
         self._wake = threading.Event()
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._turn, name="ascrcp-control", daemon=True)
+        self._rest = threading.Event()
+        self._thread = _thread("ascrcp-control", self._turn, on_failure)
         self.meter = LatenessMeter()
 
     def start(self) -> None:
@@ -136,23 +148,36 @@ class LockstepDriver:
         """Tell the thread that an order waits."""
         self._wake.set()
 
+    def wait_for_rest(self) -> None:
+        """Wait until time stands still: what is read then depends on nothing but the job."""
+        self._rest.wait()
+
     def _turn(self) -> None:
-        self._run(GRACE_CYCLES)
-        while not self._stop.is_set():
-            self._wake.wait()
-            self._wake.clear()
-            while self._cycle.has_orders and not self._stop.is_set():
-                self._cycle.admit()
-                self._run(GRACE_CYCLES)
+        try:
+            self._run(GRACE_CYCLES)
+            while not self._stop.is_set():
+                self._rest.set()
+                self._wake.wait()
+                self._rest.clear()
+                self._wake.clear()
+                while self._cycle.has_orders and not self._stop.is_set():
+                    if self._cycle.admit():
+                        self._run(GRACE_CYCLES)
+            self._listener(self._advance())  # a stop ordered on the way out reaches the wire
+        finally:
+            self._rest.set()
 
     def _run(self, grace: int) -> None:
         """Turn until nothing has gone on for `grace` cycles."""
         quiet = 0
         while quiet < grace and not self._stop.is_set():
-            self.clock.sleep_until(self.clock.now_ns() + CYCLE_NS)
-            now = self.clock.now_ns()
-            self._plant.step(now)
-            quiet = 0 if self._listener(self._cycle.step(now)) else quiet + 1
+            quiet = 0 if self._listener(self._advance()) else quiet + 1
+
+    def _advance(self) -> CycleOutput:
+        self.clock.sleep_until(self.clock.now_ns() + CYCLE_NS)
+        now = self.clock.now_ns()
+        self._plant.step(now)
+        return self._cycle.step(now)
 
     def close(self) -> None:
         """Stop the thread."""
@@ -164,6 +189,26 @@ class LockstepDriver:
     def seconds(self) -> float:
         """Virtual time so far [s]."""
         return self.clock.now_ns() / NS
+
+
+def _thread(name: str, turn: Callable[[], None], on_failure: OnFailure) -> threading.Thread:
+    def run() -> None:
+        try:
+            turn()
+        except Exception as error:  # noqa: BLE001 - handed on, with its traceback, to be shown
+            on_failure(error)
+
+    return threading.Thread(target=run, name=name, daemon=True)
+
+
+def favour_application() -> None:
+    """Put this thread, and those it starts from now on, before other programs where that is permitted.
+
+    The control thread outranks everybody, but it needs the interpreter's lock: while another program
+    has put off the thread that holds the lock, the control thread waits with it.
+    """
+    with contextlib.suppress(PermissionError, AttributeError):
+        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
 
 
 def _raise_priority() -> None:

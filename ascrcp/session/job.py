@@ -72,7 +72,9 @@ class Desk:
         return np.array([np.interp(t_s, sequence.t, column) for column in sequence.q.T])
 
     def keep_place(self) -> None:
-        """Note how far the run came, to go on from there after a stop."""
+        """Note how far the run came, to go on from there after a stop; one that never began keeps its own."""
+        if self.session.setup.tracker.sequence is not self.sequence:
+            return
         self.resume_s = self.session.setup.tracker.time_s
         track = self.session.track()
         self.reached += track.reached

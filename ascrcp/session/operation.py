@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass, field
 
 from ascrcp.core.errors import AscrcpError, CancelledError
 from ascrcp.core.event import EVENTS, Reaction
@@ -18,16 +19,34 @@ class StoppedError(AscrcpError):
     """The safety gate stopped the motion; the message is the first cause."""
 
 
+@dataclass(eq=False, slots=True)
+class _Motion:
+    """One motion a worker waits for.
+
+    Attributes:
+        collector: Takes in its cycles.
+        number: Its number in the cycle once it is admitted, None before.
+        error: Why it did not succeed.
+        over: Set when it has ended.
+    """
+
+    collector: TraceCollector | None
+    number: int | None = None
+    error: AscrcpError | None = None
+    over: threading.Event = field(default_factory=threading.Event)
+
+
 class Operation:
-    """Motions and scans: begun by the worker thread, watched cycle by cycle, ended exactly once."""
+    """Motions and scans: begun by the worker thread, watched cycle by cycle, ended exactly once.
+
+    `cancelled` is a level, not an edge: while it is set nothing begins, and what goes on is ended.
+    """
 
     def __init__(self, cycle: Cycle, lockstep: bool, wake: Callable[[], None]) -> None:
         self._cycle = cycle
         self._lockstep = lockstep
         self._wake = wake
-        self._motion: tuple[int, threading.Event] | None = None
-        self._motion_error: AscrcpError | None = None
-        self._collector: TraceCollector | None = None
+        self._motion: _Motion | None = None
         self._scanner: Scanner | None = None
         self._scan_over = threading.Event()
         self._scan_error: AscrcpError | None = None
@@ -44,20 +63,40 @@ class Operation:
 
         Raises:
             StoppedError: The gate stopped it.
-            CancelledError: The operator cancelled it.
+            CancelledError: The operator cancelled it, before or after it began.
             AscrcpError: The tracker gave up.
         """
-        over = threading.Event()
-        self._motion_error = None
-        self._collector = collector
+        motion = self._motion = _Motion(collector)
         if collector is not None:
             collector.begin()
-        self._motion = (self._cycle.motions + 1, over)
-        begin()
+
+        def admit() -> bool:
+            if self.cancelled.is_set():
+                self._end_motion(motion, CancelledError("cancelled"))
+                return False
+            motion.number = self._cycle.motions + 1
+            begin()
+            return True
+
+        self._cycle.begin(admit)
         self._wake()
-        over.wait()
-        if self._motion_error is not None:
-            raise self._motion_error
+        motion.over.wait()
+        if motion.error is not None:
+            raise motion.error
+
+    def _end_motion(self, motion: _Motion, error: AscrcpError | None) -> None:
+        self._motion = None
+        motion.error = error
+        motion.over.set()
+
+    def fail(self, error: AscrcpError) -> None:
+        """End whatever goes on: the control thread will turn no more."""
+        motion = self._motion
+        if motion is not None:
+            self._end_motion(motion, error)
+        self._scan_error = self._scan_error or error
+        self._scanner = None
+        self._scan_over.set()
 
     def run_scan(self, scanner: Scanner) -> None:
         """Drive a sweep to its end: in lockstep by the control thread, else by this worker.
@@ -69,8 +108,9 @@ class Operation:
         self._scan_error = None
         self._scan_over.clear()
 
-        def admit() -> None:
+        def admit() -> bool:
             self._scanner = scanner
+            return True
 
         self._cycle.begin(admit)
         self._wake()
@@ -78,7 +118,6 @@ class Operation:
             self._scan_over.wait()
         else:
             self._scan_beside()
-        self._cycle.point_pan(None)
         if self._scan_error is not None:
             raise self._scan_error
 
@@ -100,27 +139,27 @@ class Operation:
             self._advance_scan(output)
         motion = self._motion
         # a motion that waits to be admitted must not keep lockstep from coming to rest: nothing is then
-        moving = motion is not None and output.motion >= motion[0]
-        return moving or self._scanner is not None
+        return (motion is not None and motion.number is not None) or self._scanner is not None
 
     def _watch_motion(self, output: CycleOutput) -> None:
         motion = self._motion
-        if motion is None or output.motion < motion[0]:
+        if motion is None or motion.number is None or output.motion < motion.number:
             return
-        if self._collector is not None:
-            self._collector.add(output)
+        if motion.collector is not None:
+            motion.collector.add(output)
         state = output.track.state
         if output.verdict.reaction >= Reaction.STOP:
-            self._motion_error = StoppedError(EVENTS[output.verdict.causes[0]].cause[0])
+            self._end_motion(motion, StoppedError(EVENTS[output.verdict.causes[0]].cause[0]))
         elif state == "failed":
-            self._motion_error = AscrcpError(output.track.reason)
+            self._end_motion(motion, AscrcpError(output.track.reason))
         elif state == "hold":
-            self._motion_error = CancelledError("cancelled")
-        elif state != "finished":
+            self._end_motion(motion, CancelledError("cancelled"))
+        elif state == "finished":
+            self._end_motion(motion, None)
+        else:
             self.progress = output.track.progress
-            return
-        self._motion = self._collector = None
-        motion[1].set()
+            if self.cancelled.is_set():
+                self._cycle.hold()
 
     def _advance_scan(self, output: CycleOutput) -> None:
         scanner = self._scanner
@@ -134,5 +173,6 @@ class Operation:
             self._scan_error = error
         self.progress = SCAN_SHARE * scanner.progress
         if scanner.done or self._scan_error is not None:
+            self._cycle.point_pan(None)
             self._scanner = None
             self._scan_over.set()

@@ -13,13 +13,13 @@ from typing import TypeVar
 import numpy as np
 
 from ascrcp.control.tracker import TrackerOutput
-from ascrcp.core.errors import AscrcpError, CancelledError, DeviceError, RefusedError
+from ascrcp.core.errors import AscrcpError, CancelledError, DefectError, DeviceError, RefusedError
 from ascrcp.core.event import EVENTS, Reaction
 from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.session import state
 from ascrcp.session.compute import Compute
 from ascrcp.session.cycle import Cycle, CycleOutput
-from ascrcp.session.driver import LockstepDriver, RealTimeDriver
+from ascrcp.session.driver import LockstepDriver, RealTimeDriver, favour_application
 from ascrcp.session.job import JOBS, Desk
 from ascrcp.session.operation import Operation, StoppedError
 from ascrcp.session.recorder import Recorder
@@ -30,6 +30,7 @@ from ascrcp.session.state import JobState, Mode, Refusal, Step
 from ascrcp.session.view import add_machine
 
 KEPT_ANNOUNCEMENTS = 50
+COMPUTE_NICENESS = 10  # in real time: below the application (placeholder)
 RESET_PATIENCE_S = 0.25  # twice the time in which every sensor is heard
 SCENE_POINTS = 100_000  # software OpenGL draws 29 frames/s at this many points
 
@@ -43,11 +44,15 @@ class Session:
         self.arm = setup.arm
         self.round = round_
         self.setup = setup
+        if not setup.lockstep:
+            favour_application()
         self._lock = threading.Lock()
         self._job = JobState(done=frozenset({Step.RECOGNISE} if round_.joints.exists() else ()))
         self._latest: CycleOutput | None = None
         self._reset_over = threading.Event()
+        self._telling = threading.Lock()
         self._announcements: tuple[Announcement, ...] = ()
+        self.failure = ""
         self._scene = Scene()
         self._stage = ("", "")
         self._stage_began = time.monotonic()
@@ -55,20 +60,21 @@ class Session:
         self._causes: tuple[str, ...] = ()
         self._digest = hashlib.sha256()
         self._worker: threading.Thread | None = None
-        self.compute = Compute()
+        self.compute = Compute(0 if setup.lockstep else COMPUTE_NICENESS)
+        round_.note(**setup.manifest)
         self._recorder = Recorder(round_.folder)
-        self._record_failed = False
+        self._record_failed = self._closing = False
+        self._defect: DefectError | None = None
         self.cycle = Cycle(setup.link, setup.tracker, setup.gate, self._tip, setup.truth)
         if setup.lockstep:
             assert setup.plant is not None
             self._driver: LockstepDriver | RealTimeDriver = LockstepDriver(
-                self.cycle, self._on_cycle, setup.plant
+                self.cycle, self._on_cycle, self._on_defect, setup.plant
             )
         else:
-            self._driver = RealTimeDriver(self.cycle, self._on_cycle, setup.plant)
+            self._driver = RealTimeDriver(self.cycle, self._on_cycle, self._on_defect, setup.plant)
         self._operation = Operation(self.cycle, setup.lockstep, self._driver.wake)
         self.run_motion, self.run_scan = self._operation.run_motion, self._operation.run_scan
-        round_.note(**setup.manifest)
         self.desk = Desk(self)
         self._driver.start()
         threading.Thread(target=self.compute.start, name="ascrcp-warm-up", daemon=True).start()
@@ -80,7 +86,11 @@ class Session:
 
     def refusal(self, step: Step) -> Refusal | None:
         """Return why a step may not start now, None if it may."""
-        return state.refusal(self._job, step)
+        reason = state.refusal(self._job, step)
+        worker = self._worker
+        if reason is None and worker is not None and worker.is_alive():
+            return Refusal.BUSY  # a stopped step's worker is still on its way out
+        return reason
 
     def start(self, step: Step) -> None:
         """Begin a step in a worker thread.
@@ -89,11 +99,12 @@ class Session:
             RefusedError: If the state machine does not allow it now.
         """
         with self._lock:
-            reason = state.refusal(self._job, step)
+            reason = self.refusal(step)
             if reason is not None:
                 raise RefusedError(reason.value[0])
             self._job = state.start(self._job, step)
             self._operation.cancelled.clear()
+            self.failure = ""
         self._recorder.put_event(self.t_ns, "step", step.value, "started")
         self._worker = threading.Thread(target=self._work, args=(step,), name="ascrcp-worker", daemon=True)
         self._worker.start()
@@ -116,9 +127,12 @@ class Session:
 
         Raises:
             DeviceError: It did not, with the cause that stands in the way.
+            DefectError: The control thread has ended.
         """
         deadline = time.monotonic() + timeout_s
         while self._job.stopped:
+            if self._defect is not None:
+                raise self._defect
             if time.monotonic() > deadline:
                 causes = ", ".join(EVENTS[code].cause[0] for code in self._causes) or "the machine is silent"
                 raise DeviceError(f"reset is not accepted: {causes}")
@@ -128,7 +142,6 @@ class Session:
     def cancel(self) -> None:
         """Give up the step under way; the arm stops where it is."""
         self._operation.cancelled.set()
-        self.cycle.hold()
         self._driver.wake()
 
     def choose_mode(self, mode: Mode) -> None:
@@ -143,7 +156,8 @@ class Session:
             worker.join(timeout_s)
 
     def close(self) -> None:
-        """End every thread; the machine is neutral afterwards."""
+        """Stop, end every thread, release the machine; a second call does nothing more."""
+        self._closing = True  # this stop is not news to the operator
         self.stop()
         self.wait(5.0)
         self._driver.close()
@@ -219,12 +233,12 @@ class Session:
             for code in verdict.causes:
                 if code not in self._causes:
                     self._recorder.put_event(output.t_ns, "fault", code, EVENTS[code].cause[0])
-                    if EVENTS[code].reaction >= Reaction.STOP and code != "power_up":
+                    if EVENTS[code].reaction >= Reaction.STOP and self._is_news(verdict.causes):
                         self.announce(*EVENTS[code].cause, failure=True)
             self._causes = verdict.causes
         if verdict.latched and not self._job.stopped:
-            self._operation.cancelled.set()
             with self._lock:
+                self._operation.cancelled.set()
                 self._job = state.stop(self._job)
             self._reset_over.clear()
         elif not verdict.latched and self._job.stopped:
@@ -232,6 +246,21 @@ class Session:
                 self._job = state.reset(self._job)
             self._reset_over.set()
             self._recorder.put_event(output.t_ns, "request", "reset", "gate left the stopped state")
+
+    def _is_news(self, causes: tuple[str, ...]) -> bool:
+        """Whether a new cause is announced: not while powering up, when nothing has been heard yet."""
+        return "power_up" not in causes and not self._closing
+
+    def _on_defect(self, error: Exception) -> None:
+        """The control thread has ended: say so, let nobody wait for it."""
+        self._defect = DefectError(f"internal error in the control cycle, it has ended: {error!r}")
+        with self._lock:
+            self._operation.cancelled.set()
+            self._job = state.stop(self._job)
+        self._operation.fail(self._defect)
+        self.announce(str(self._defect), f"控制周期内部错误，已终止：{error!r}", failure=True)
+        text = "".join(traceback.format_exception(error))
+        self._recorder.put_event(self.t_ns, "defect", "control", text)
 
     # worker thread, used by the jobs --------------------------------------------------------------
 
@@ -243,15 +272,15 @@ class Session:
             JOBS[step](self.desk)
             failed = False
         except CancelledError:
-            self.announce("Cancelled.", "已取消。", failure=True)
+            self._fail("Cancelled.", "已取消。")
         except StoppedError as error:
-            self.announce(f"Stopped: {error}", f"已停止：{error}", failure=True)
+            self._fail(f"Stopped: {error}", f"已停止：{error}")
         except AscrcpError as error:
-            self.announce(str(error), str(error), failure=True)
+            self._fail(str(error), str(error))
             for note in getattr(error, "__notes__", ()):
                 self._recorder.put_event(self.t_ns, "defect", step.value, note)
         except Exception as error:  # noqa: BLE001 - a worker's exception must reach the screen
-            self.announce(f"Internal error in {step.value}: {error!r}", f"内部错误：{error!r}", failure=True)
+            self._fail(f"Internal error in {step.value}: {error!r}", f"内部错误：{error!r}")
             self._recorder.put_event(self.t_ns, "defect", step.value, traceback.format_exc())
         finally:
             with self._lock:
@@ -260,11 +289,16 @@ class Session:
             self.stage("", "")
             self._recorder.put_event(self.t_ns, "step", step.value, "failed" if failed else "done")
 
+    def _fail(self, english: str, chinese: str) -> None:
+        self.failure = english
+        self.announce(english, chinese, failure=True)
+
     def announce(self, english: str, chinese: str, failure: bool = False) -> None:
         """Tell the operator one line (thesis 6.1.2: every part done is announced)."""
-        number = self._announcements[-1].number + 1 if self._announcements else 1
-        line = Announcement(number, (english, chinese), failure)
-        self._announcements = (*self._announcements, line)[-KEPT_ANNOUNCEMENTS:]
+        with self._telling:  # control and worker thread may speak at once
+            number = self._announcements[-1].number + 1 if self._announcements else 1
+            line = Announcement(number, (english, chinese), failure)
+            self._announcements = (*self._announcements, line)[-KEPT_ANNOUNCEMENTS:]
         self._recorder.put_event(self.t_ns, "note", "failure" if failure else "info", english)
 
     def stage(self, english: str, chinese: str, progress: float = 0.0) -> None:
@@ -277,11 +311,12 @@ class Session:
         return self._output().track
 
     def measured_q(self) -> tuple[float, ...]:
-        """Return the joints as measured last, SI.
+        """Return the joints as measured last, SI; in lockstep once time stands still.
 
         Raises:
             DeviceError: A joint was never heard.
         """
+        self._driver.wait_for_rest()
         q = self._output().inputs.q
         if not all(map(math.isfinite, q)):
             missing = [str(i) for i, x in enumerate(q, start=1) if not math.isfinite(x)]
@@ -299,7 +334,8 @@ class Session:
         return self._driver.meter.lateness()
 
     def command_digest(self) -> str:
-        """SHA-256 over every command frame sent so far: equal runs have equal digests."""
+        """SHA-256 over every command frame sent so far: equal runs in lockstep have equal digests."""
+        self._driver.wait_for_rest()
         return self._digest.copy().hexdigest()
 
     def run_compute(self, function: Callable[..., T], *args: object, share: tuple[float, float]) -> T:
