@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from ruckig import InputParameter, Result, Ruckig, Synchronization, Trajectory
+from ruckig import InputParameter, Result, Ruckig, Trajectory
 
 from ascrcp.core.errors import UnreachableError
 from ascrcp.core.geometry import Array
@@ -43,21 +43,24 @@ def plan_leg(
     """
     if np.array_equal(start, end):
         return np.zeros(1), start[None, :].copy()
-    joints = len(start)
-    request = InputParameter(joints)
-    request.synchronization = Synchronization.Phase
-    request.current_position, request.target_position = start.tolist(), end.tolist()
-    request.max_velocity = (speed * rates.max_speed).tolist()
-    request.max_acceleration = (acceleration * rates.max_acceleration).tolist()
-    request.max_jerk = (acceleration * rates.max_jerk).tolist()
-    trajectory = Trajectory(joints)
-    result = Ruckig(joints).calculate(request, trajectory)
+    # one motion for all joints: ruckig's phase synchronisation leaves the straight line now and then
+    share = np.abs(end - start) / rates.max_speed
+    length = float(share.max())
+    part = np.maximum(share / length, 1e-12) * rates.max_speed
+    request = InputParameter(1)
+    request.current_position, request.target_position = [0.0], [length]
+    request.max_velocity = [speed]
+    request.max_acceleration = [acceleration * float((rates.max_acceleration / part).min())]
+    request.max_jerk = [acceleration * float((rates.max_jerk / part).min())]
+    trajectory = Trajectory(1)
+    result = Ruckig(1).calculate(request, trajectory)
     if result not in (Result.Working, Result.Finished):
         where = f"{np.round(start, 4).tolist()} to {np.round(end, 4).tolist()}"
         raise UnreachableError(f"no jerk-limited move from {where}: ruckig says {result}")
     duration = max(float(trajectory.duration), row_s)
     t = np.linspace(0.0, duration, max(1, int(np.ceil(duration / row_s - 1e-9))) + 1)
-    q = np.array([trajectory.at_time(time)[0] for time in t.tolist()])
+    done = np.array([trajectory.at_time(time)[0][0] for time in t.tolist()]) / length
+    q = start + done[:, None] * (end - start)
     q[0], q[-1] = start, end
     return t, q
 

@@ -51,6 +51,9 @@ CLIMB_S = 0.7
 CLIMB_KEPT = 4
 """Every so many steps a posture is kept."""
 
+DAMPING = 1e-6
+"""Keeps a lift finite where the arm can hardly rise, against squared speeds of joints; placeholder."""
+
 STOP_S = 2.0
 """What a stop on the way costs [s]: slowing down, starting again and settling; placeholder."""
 
@@ -215,8 +218,12 @@ def _climb(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
 
 
 def _raise(arm: Arm, q: Array, lift: float) -> Array:
-    """Raise the nozzle of postures (n, joints) by a small lift [m] with the least effort, within limits."""
-    up = arm.jacobian(q)[:, 2]
-    effort = arm.max_speed**2 * up
-    gain = (up * effort).sum(axis=1, keepdims=True)
-    return keep_ranges(arm, q + lift * effort / np.maximum(gain, 1e-9))
+    """Raise the nozzle of postures (n, joints) by a small lift [m] with its direction kept, within limits.
+
+    The least effort, each joint measured by its speed. So the whole arm rises, not the lance alone.
+    """
+    J = arm.jacobian(q)[:, 2:]
+    WJt = arm.max_speed[:, None] ** 2 * np.swapaxes(J, 1, 2)
+    wanted = np.array([lift, 0.0, 0.0, 0.0])[:, None]
+    step = WJt @ np.linalg.solve(J @ WJt + DAMPING * np.eye(4), np.broadcast_to(wanted, (len(q), 4, 1)))
+    return keep_ranges(arm, q + step[..., 0])
