@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.errors import InputError
+from ascrcp.perception.format.column import NO_SHIFT, Shift, pack
 
 _MAX_POINTS = 200_000_000
 
 
-def read_e57(path: Path) -> NDArray[np.float32]:
-    """Read all scans of the file in its common frame, shape (n, 3) [m].
+def read_e57(path: Path, shift: Shift = NO_SHIFT) -> NDArray[np.float32]:
+    """Read all scans of the file in its common frame, less the shift, shape (n, 3) [m].
 
     Raises:
         InputError: If the extra is not installed, or the file is damaged.
@@ -32,5 +33,5 @@ def read_e57(path: Path) -> NDArray[np.float32]:
         raise
     except Exception as error:  # noqa: BLE001 - errors of the compiled reader
         raise InputError(f"{path}: damaged E57 file ({' '.join(str(error).split())[:120]})") from None
-    parts = [np.stack([s[f"cartesian{c}"] for c in "XYZ"], axis=-1) for s in scans]
-    return np.concatenate(parts).astype(np.float32) if parts else np.zeros((0, 3), dtype=np.float32)
+    parts = [pack([s[f"cartesian{c}"] for c in "XYZ"], shift) for s in scans if "cartesianX" in s]
+    return np.concatenate(parts) if parts else np.zeros((0, 3), dtype=np.float32)

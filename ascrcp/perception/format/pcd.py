@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.errors import InputError
+from ascrcp.perception.format.column import NO_SHIFT, Shift, pack
 from ascrcp.perception.format.table import parse_rows
 
 _MAX_HEADER = 65_536
@@ -16,8 +17,8 @@ _TYPES = {"F4": "<f4", "F8": "<f8", "I1": "i1", "I2": "<i2", "I4": "<i4", "I8": 
 _MAX_LZF_RATIO = 260  # LZF turns 3 bytes into at most 264; more cannot be honest
 
 
-def read_pcd(path: Path) -> NDArray[np.float32]:
-    """Read the points, shape (n, 3) [m].
+def read_pcd(path: Path, shift: Shift = NO_SHIFT) -> NDArray[np.float32]:
+    """Read the points, less the shift, shape (n, 3) [m].
 
     Raises:
         InputError: Not a PCD, cut short, or without x, y, z.
@@ -36,7 +37,7 @@ def read_pcd(path: Path) -> NDArray[np.float32]:
         columns = [int(before[header["FIELDS"].index(c)]) for c in "xyz"]
         with path.open("rb") as file:
             file.seek(start)
-            return parse_rows(file, path, None, (columns[0], columns[1], columns[2]), count)
+            return parse_rows(file, path, None, (columns[0], columns[1], columns[2]), count, shift=shift)
     if encoding == "binary":
         if left < dtype.itemsize * count:
             raise InputError(
@@ -44,9 +45,9 @@ def read_pcd(path: Path) -> NDArray[np.float32]:
                 f"the file has room for {left // dtype.itemsize}; cut short?"
             )
         data = np.fromfile(path, dtype, count, offset=start)
-        return np.stack([data[c] for c in "xyz"], axis=-1).astype(np.float32)
+        return pack([data[c] for c in "xyz"], shift)
     if encoding == "binary_compressed":
-        return _read_compressed(path, start, dtype, count)
+        return _read_compressed(path, start, dtype, count, shift)
     raise InputError(f"{path}: PCD data {encoding!r}, allowed ascii, binary, binary_compressed")
 
 
@@ -96,7 +97,9 @@ def _layout(path: Path, header: dict[str, list[str]]) -> tuple[np.dtype, int]:
         raise InputError(f"{path}: bad fields in the PCD header ({error})") from None
 
 
-def _read_compressed(path: Path, start: int, dtype: np.dtype, count: int) -> NDArray[np.float32]:
+def _read_compressed(
+    path: Path, start: int, dtype: np.dtype, count: int, shift: Shift
+) -> NDArray[np.float32]:
     with path.open("rb") as file:
         file.seek(start)
         sizes = file.read(8)
@@ -114,7 +117,7 @@ def _read_compressed(path: Path, start: int, dtype: np.dtype, count: int) -> NDA
         if name in ("x", "y", "z"):
             columns[name] = data[at : at + kind.itemsize * count].view(kind)
         at += kind.itemsize * count
-    return np.stack([columns[c] for c in "xyz"], axis=-1).astype(np.float32)
+    return pack([columns[c] for c in "xyz"], shift)
 
 
 def _unpack(path: Path, raw: bytes, size: int) -> bytearray:

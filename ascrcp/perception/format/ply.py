@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.errors import InputError
+from ascrcp.perception.format.column import NO_SHIFT, Shift, pack
 from ascrcp.perception.format.table import parse_rows
 
 _MAX_HEADER = 65_536
@@ -27,8 +28,8 @@ class _Header:
     size: int  # bytes of the header
 
 
-def read_ply(path: Path) -> NDArray[np.float32]:
-    """Read the vertices, shape (n, 3) [m].
+def read_ply(path: Path, shift: Shift = NO_SHIFT) -> NDArray[np.float32]:
+    """Read the vertices, less the shift, shape (n, 3) [m].
 
     Raises:
         InputError: Not a PLY, cut short, or without x, y, z.
@@ -49,14 +50,14 @@ def read_ply(path: Path) -> NDArray[np.float32]:
         columns = (names.index("x"), names.index("y"), names.index("z"))
         with path.open("rb") as file:
             file.seek(header.size)
-            return parse_rows(file, path, None, columns, header.count)
+            return parse_rows(file, path, None, columns, header.count, shift=shift)
     dtype = np.dtype([(name, order + kind) for name, kind in header.fields])
     if left < dtype.itemsize * header.count:
         raise _cut(path, header.count, max(0, left) // dtype.itemsize)
     data = np.fromfile(path, dtype, header.count, offset=header.size + header.skip)
-    if dtype == np.dtype([(c, "<f4") for c in "xyz"]):
+    if dtype == np.dtype([(c, "<f4") for c in "xyz"]) and shift == NO_SHIFT:
         return data.view("<f4").reshape(-1, 3)
-    return np.stack([data[c] for c in "xyz"], axis=-1).astype(np.float32)
+    return pack([data[c] for c in "xyz"], shift)
 
 
 def _cut(path: Path, promised: int, there: int) -> InputError:

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.errors import InputError
+from ascrcp.perception.format.column import NO_SHIFT, Shift, pack
 
 _COMMENTS = ("#", "//")
 _LOOK = 65_536
 
 
-def read_table(path: Path) -> NDArray[np.float32]:
+def read_table(path: Path, shift: Shift = NO_SHIFT) -> NDArray[np.float32]:
     """Read x, y, z from the first three columns, or from those a heading line calls x, y, z.
 
     Separated by blanks, commas or semicolons; lines that begin with # or // are comments.
@@ -32,7 +33,7 @@ def read_table(path: Path) -> NDArray[np.float32]:
         lines = start.decode("latin-1").splitlines()
         delimiter, columns, skip = _sniff(path, lines)
         file.seek(0)
-        return parse_rows(file, path, delimiter, columns, None, skip)
+        return parse_rows(file, path, delimiter, columns, None, skip, shift)
 
 
 def parse_rows(
@@ -42,8 +43,9 @@ def parse_rows(
     columns: tuple[int, int, int],
     count: int | None,
     skip: int = 0,
+    shift: Shift = NO_SHIFT,
 ) -> NDArray[np.float32]:
-    """Parse rows of numbers from where the file stands, `count` of them if given.
+    """Parse rows of numbers from where the file stands, `count` of them if given, less the shift.
 
     Raises:
         InputError: A row that is not numbers, or too few rows.
@@ -53,7 +55,7 @@ def parse_rows(
             warnings.simplefilter("ignore", UserWarning)  # no rows at all: the caller says so
             rows = np.loadtxt(
                 file,
-                dtype=np.float32,
+                dtype=np.float32 if shift == NO_SHIFT else np.float64,
                 comments=list(_COMMENTS),
                 delimiter=delimiter,
                 skiprows=skip,
@@ -68,7 +70,8 @@ def parse_rows(
         raise InputError(
             f"{path}: the header promises {count} points, the file holds {len(rows)}; cut short?"
         )
-    return rows.reshape(-1, 3)
+    rows = rows.reshape(-1, 3)
+    return rows.astype(np.float32, copy=False) if shift == NO_SHIFT else pack(list(rows.T), shift)
 
 
 def _sniff(path: Path, lines: list[str]) -> tuple[str | None, tuple[int, int, int], int]:
