@@ -31,21 +31,26 @@ class Sample:
     spraying: bool
 
 
+PART = 256  # rows converted at once: a long conversion would keep the interpreter's lock for 10 ms
+
+
 class Reference:
     """Cubic Hermite interpolation through every row; rests at both ends.
 
     Slopes are those of Fritsch and Butland's monotone scheme: no joint passes a row's value between
     rows, so a sequence within limits stays within them, and it stands still where rows repeat.
-    Evaluation costs the same however long the sequence is, as long as time moves little.
+    Evaluation costs the same however long the sequence is, as long as time moves little; building it
+    does not: 0.1 s for twenty minutes, too long for the control thread.
     """
 
     def __init__(self, sequence: JointSequence) -> None:
+        self.sequence = sequence
         self.duration = sequence.duration
         self._joints = sequence.q.shape[1]
         values = np.hstack([sequence.q, sequence.position, sequence.direction])
         self._t: list[float] = sequence.t.tolist()
-        self._rows: list[list[float]] = values.tolist()
-        self._slopes: list[list[float]] = find_slopes(sequence.t, values).tolist()
+        self._rows = _nested(values)
+        self._slopes = _nested(find_slopes(sequence.t, values))
         self._spraying: list[bool] = sequence.spraying.tolist()
         at = np.flatnonzero(sequence.point >= 0)
         self.points: list[tuple[float, int]] = [(self._t[i], int(sequence.point[i])) for i in at]
@@ -100,6 +105,10 @@ class Reference:
             k += 1
         self._row = k
         return k
+
+
+def _nested(table: Array) -> list[list[float]]:
+    return [row for start in range(0, len(table), PART) for row in table[start : start + PART].tolist()]
 
 
 def find_slopes(t: Array, values: Array) -> Array:

@@ -98,6 +98,7 @@ class Tracker:
         self._state: State = "hold"
         self._reason = ""
         self._reference: Reference | None = None
+        self._prepared: Reference | None = None
         self.sequence: JointSequence | None = None
         self._judge = PointJudge([], config.tracker)
         self._t = 0.0
@@ -115,6 +116,10 @@ class Tracker:
         """What became of each planned point of the sequence."""
         return dict(self._judge.outcome)
 
+    def prepare(self, sequence: JointSequence) -> None:
+        """Do the slow part of `follow` ahead; in any thread, while something else may be followed."""
+        self._prepared = Reference(sequence)
+
     def follow(self, sequence: JointSequence, from_s: float = 0.0) -> None:
         """Begin to follow a sequence; the arm must stand where the sequence is entered.
 
@@ -129,7 +134,10 @@ class Tracker:
             raise InputError(f"sequence has {sequence.q.shape[1]} joints, the arm {self._arm.n}")
         if not 0.0 <= from_s <= sequence.duration:
             raise InputError(f"sequence entered at {from_s} s, allowed 0..{sequence.duration:.2f} s")
-        self._reference = Reference(sequence)
+        reference, self._prepared = self._prepared, None
+        if reference is None or reference.sequence is not sequence:
+            reference = Reference(sequence)
+        self._reference = reference
         self.sequence = sequence
         self._judge = PointJudge(self._reference.points, self._config)
         self._judge.skip_to(from_s)

@@ -85,6 +85,10 @@ class Cycle:
         self._stop_pressed = False
         self._motion = self._ordered = 0
 
+    def prepare(self, sequence: JointSequence) -> None:
+        """Do now, in the caller's thread, what would keep the control thread when it follows a sequence."""
+        self._tracker.prepare(sequence)
+
     def follow(self, sequence: JointSequence, from_s: float = 0.0) -> int:
         """Order: follow a sequence from one of its instants; return the motion's number."""
         self._ordered += 1
@@ -168,11 +172,6 @@ class Cycle:
             else:
                 self._pan_target = value
         return reset, start
-
-    @property
-    def motions(self) -> int:
-        """How many follow orders have been given so far."""
-        return self._ordered
 
     @property
     def has_orders(self) -> bool:

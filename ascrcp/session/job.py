@@ -217,9 +217,7 @@ def run_sequence(desk: Desk) -> None:
     session.stage("Spraying along the plan", "正在按轨迹喷射")
     try:
         with session.stopwatch("run"):
-            session.run_motion(
-                lambda: session.cycle.follow(sequence, desk.resume_s), collector=desk.collector
-            )
+            session.run_motion(sequence, desk.resume_s, collector=desk.collector)
     finally:
         desk.keep_place()
         desk.finish_run()
@@ -246,7 +244,7 @@ def _move_to(desk: Desk, target: Array) -> None:
         target.tolist(),
         share=(0.0, 0.0),
     )
-    session.run_motion(lambda: session.cycle.follow(sequence))
+    session.run_motion(sequence)
 
 
 def scan_heading(desk: Desk) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 from ascrcp.core.errors import AscrcpError, CancelledError
 from ascrcp.core.event import EVENTS, Reaction
+from ascrcp.core.flow import JointSequence
 from ascrcp.session.cycle import Cycle, CycleOutput
 from ascrcp.session.scanner import Scanner
 from ascrcp.session.trace import TraceCollector
@@ -54,11 +55,14 @@ class Operation:
         self.cancelled = threading.Event()
         self.progress = 0.0
 
-    def run_motion(self, begin: Callable[[], object], collector: TraceCollector | None = None) -> None:
-        """Begin a motion and wait for its end.
+    def run_motion(
+        self, sequence: JointSequence, from_s: float = 0.0, collector: TraceCollector | None = None
+    ) -> None:
+        """Follow a sequence and wait for its end.
 
         Args:
-            begin: Gives the follow order.
+            sequence: What to follow.
+            from_s: Instant at which to enter it [s].
             collector: Takes in every cycle of the motion, None for nobody.
 
         Raises:
@@ -66,6 +70,7 @@ class Operation:
             CancelledError: The operator cancelled it, before or after it began.
             AscrcpError: The tracker gave up.
         """
+        self._cycle.prepare(sequence)
         motion = self._motion = _Motion(collector)
         if collector is not None:
             collector.begin()
@@ -74,8 +79,7 @@ class Operation:
             if self.cancelled.is_set():
                 self._end_motion(motion, CancelledError("cancelled"))
                 return False
-            motion.number = self._cycle.motions + 1
-            begin()
+            motion.number = self._cycle.follow(sequence, from_s)
             return True
 
         self._cycle.begin(admit)

@@ -15,6 +15,7 @@ from ascrcp.control.move import plan_move
 from ascrcp.core.errors import CancelledError, DefectError, InputError, RefusedError
 from ascrcp.core.flow import JointSequence
 from ascrcp.session import session as session_module
+from ascrcp.session.cycle import CycleOutput
 from ascrcp.session.session import Session
 from ascrcp.session.state import Refusal, Step
 
@@ -45,7 +46,7 @@ def test_motion_planned_before_a_stop_does_not_begin_after_the_reset(session: Se
         threading.Event().wait(0.002)
     session.reset_and_wait(10)
     with pytest.raises(CancelledError):
-        session.run_motion(lambda: session.cycle.follow(sequence))
+        session.run_motion(sequence)
     assert session.measured_q() == pytest.approx(before, abs=0.01)
     assert not any(session.snapshot().drive)
 
@@ -97,7 +98,7 @@ def test_error_in_the_control_thread_reaches_whoever_waits(session: Session) -> 
     session.reset_and_wait(10)
     sequence = move_home(session)
     with pytest.raises(DefectError, match="control cycle"):
-        session.run_motion(lambda: session.cycle.follow(sequence, from_s=-1.0))
+        session.run_motion(sequence, from_s=-1.0)
     shown = session.snapshot()
     assert shown.job.stopped and "control cycle" in shown.announcements[-1].text[0]
     with pytest.raises(RefusedError):
@@ -112,25 +113,34 @@ def test_run_that_never_began_keeps_its_place(session: Session) -> None:
     home = move_home(session)
     session.desk.sequence, session.desk.resume_s = home, 0.25
     other = move_home(session)
-    session.run_motion(lambda: session.cycle.follow(other))
+    session.run_motion(other)
     session.desk.keep_place()
     assert session.desk.resume_s == 0.25
-    session.run_motion(lambda: session.cycle.follow(home, home.duration))
+    session.run_motion(home, home.duration)
     session.desk.keep_place()
     assert session.desk.resume_s == home.duration
 
 
-def test_cancel_ends_a_motion_whenever_it_comes(session: Session) -> None:
+@pytest.mark.parametrize("cycles", [0, 1, 2, 20])
+def test_cancel_ends_a_motion_whenever_it_comes(session: Session, cycles: int) -> None:
     session.reset_and_wait(10)
     sequence = move_home(session)
+    seen = 0
 
-    def begin_and_cancel() -> None:
-        session.cycle.follow(sequence)
-        session.cancel()
+    def watch(output: CycleOutput) -> bool:
+        nonlocal seen
+        seen += output.motion > 0
+        if seen == cycles:
+            session.cancel()
+        return on_cycle(output)
 
+    on_cycle, session._operation.on_cycle = session._operation.on_cycle, watch  # type: ignore[method-assign]
     with pytest.raises(CancelledError):
-        session.run_motion(begin_and_cancel)
-    assert not any(session.snapshot().drive)
+        if cycles == 0:
+            session.cancel()
+        session.run_motion(sequence)
+    session.measured_q()
+    assert not any(session.snapshot().drive) and session.track().state == "hold"
 
 
 def test_announcements_of_two_threads_are_all_kept(session: Session) -> None:
