@@ -23,7 +23,7 @@ NO_ARCH, DROPPED = -1, -2  # points on no arch; points beside an arch that belon
 
 _INSIDE, _OUTSIDE = 0.45, 0.45  # band about the two lines that is looked at in the first steps [m]
 _FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
-_SETTING_OUT = 0.015  # rings are not concentric: arches are set out, concrete is sprayed; placeholder [m]
+_SETTING_OUT = 0.004  # rings are not concentric: arches are set out, concrete is sprayed; placeholder [m]
 _TUKEY = 4.0  # cells farther off than this many scales are no evidence; usual choice 4..6
 _FIRST_SCALE = 0.15  # of the cells' errors, before the axis is near [m]
 _NEAR = 5e-4  # a smaller move ends the approach [m, rad]

@@ -19,7 +19,7 @@ _AROUND = np.ones((3, 3), dtype=bool)
 
 
 def find_overbreak(
-    wall: Wall, extent: Extent, profile: Profile, parameters: OverbreakParameters
+    wall: Wall, extent: Extent, profile: Profile, parameters: OverbreakParameters, floor_seen: bool = True
 ) -> tuple[list[Overbreak], NDArray[np.bool_]]:
     """Find the overbreak regions of the unsprayed part.
 
@@ -28,6 +28,8 @@ def find_overbreak(
         extent: Where the unsprayed part lies.
         profile: Design profile.
         parameters: The rule's numbers and the smallest region worth naming.
+        floor_seen: Whether what lies below the floor is gone. If not, standing water may mirror the
+            wall, and what reaches the foot of the design line is not believed.
 
     Returns:
         Regions by falling volume seen, and the cells that belong to them, shape (ns, na).
@@ -44,6 +46,8 @@ def find_overbreak(
     regions: list[tuple[Overbreak, int]] = []
     for part in range(1, count + 1):
         mine = (parts == part) & seen
+        if not floor_seen and (mine[:, 0].any() or mine[:, -1].any()):
+            continue
         if area[mine].sum() < parameters.min_area:
             continue
         depth = float((wall.offset[mine] - line).max())

@@ -100,7 +100,9 @@ def recognise(
     flat, extent = slices.flat, slices.extent
     with step("overbreak"):
         wall = build_wall(slices.wall, extent, rings, profile, parameters.wall)
-        regions, cells = find_overbreak(wall, extent, profile, parameters.overbreak)
+        regions, cells = find_overbreak(
+            wall, extent, profile, parameters.overbreak, floor_seen=bool(ground.any())
+        )
     with step("label"):
         labels = np.full(len(points), Label.GROUND, dtype=np.uint8)
         labels[~ground] = label_points(flat, extent, rings, wall, cells, profile, parameters.section)

@@ -18,6 +18,7 @@ _SIDE = 0.03  # the arch's own side is seen this far beyond its flange [m]
 _CORNER = 0.06  # the corner between wall and face is left out by this much [m]; placeholder
 _PROUD = 0.25  # what stands farther inside the arch line than this is not wall [m]; placeholder
 _SHADOW = 0.6  # an arch's shadow reaches this far from it along the axis [m]; placeholder
+_GAP = 4  # of 8 neighbours seen make an empty cell a gap in sampling, not shadow
 _NEIGHBOURS = 5  # of 8 cells: the rim of a straight shadow has five
 _BEFORE = 0.05  # a lone cell so far before the wall is a mixed echo: three times the relief of a cell [m]
 _STRIP = 0.5  # share in sight of a cell with shadow on both sides, the mean of all strips
@@ -81,8 +82,7 @@ def is_mixed(mean: Array, near_arch: NDArray[np.bool_], longest: int) -> NDArray
         longest: Shadows bridged [cells].
     """
     full = ~np.isnan(mean)
-    around = convolve(full.astype(float), np.ones((3, 3)), mode="constant") - full
-    lone = full & near_arch & (around < _NEIGHBOURS)
+    lone = full & near_arch & (_count_around(full) < _NEIGHBOURS)
     past = bridge(np.where(lone, np.nan, mean), 0, longest)
     with np.errstate(invalid="ignore"):
         return np.asarray(lone & (mean < past - _BEFORE))
@@ -130,11 +130,27 @@ def build_wall(
     parts = [_filled(mean[:before], parameters), _filled(mean[before:], parameters)]
     offset = np.concatenate([part[0] for part in parts])
     filled = np.concatenate([part[1] for part in parts])
-    share = _share(raster, place, count, ~filled & ~np.isnan(offset))
+    corner = _corner(raster, extent, filled | np.isnan(offset))
+    filled &= ~corner
+    seen = ~filled & ~np.isnan(offset)
+    share = _share(raster, place, count, seen, corner)
+    # the last row may reach into the face
+    share *= np.clip((extent.end - raster.station) / raster.row + 0.5, 0.0, 1.0)[:, None]
     return Wall(raster, offset, filled, count, beyond, share)
 
 
-def _share(raster: Raster, place: list[Array], count: Array, seen: NDArray[np.bool_]) -> Array:
+def _corner(raster: Raster, extent: Extent, dark: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark the cells between the last wall used and the face: left out, yet in sight, (ns, na)."""
+    first = int(np.searchsorted(raster.station + raster.row / 2, wall_end(extent)))
+    corner = np.zeros(dark.shape, dtype=bool)
+    if extent.face is not None and 0 < first < len(dark):
+        corner[first:] = ~dark[first - 1]
+    return corner
+
+
+def _share(
+    raster: Raster, place: list[Array], count: Array, seen: NDArray[np.bool_], corner: NDArray[np.bool_]
+) -> Array:
     """Share of each cell that was in sight, from where its points lie in it, shape (ns, na).
 
     Where one neighbour lies in shadow the shadow's rim crosses the cell, and points spread evenly
@@ -148,6 +164,7 @@ def _share(raster: Raster, place: list[Array], count: Array, seen: NDArray[np.bo
         after = np.delete(dark, [0, 1], axis)
         aside = np.where(count > 0, np.nan_to_num(place[axis] - middles[axis]) / size, 0.0)
         toward = before.astype(float) - after  # +1 where the part in sight lies at the far side
+        before[corner] = after[corner] = False
         share *= np.where(before & after, _STRIP, 1.0 - 2.0 * aside * toward)
     return np.where(seen, share, 0.0)
 
@@ -168,12 +185,18 @@ def _filled(mean: Array, parameters: WallParameters) -> tuple[Array, NDArray[np.
         return mean, np.zeros(mean.shape, dtype=bool)
     grid = bridge(mean, 1, parameters.bridge)
     grid = bridge(grid, 0, parameters.bridge)
-    unseen = np.isnan(grid)
+    # a gap between the lidar's lines has wall round it, the rim of a shadow on one side only
+    unseen = np.isnan(grid) | (np.isnan(mean) & (_count_around(~np.isnan(mean)) < _GAP))
     longest = int(np.ceil(parameters.fill / parameters.cell))
     grid = bridge(grid, 0, longest)
     grid = bridge(grid, 1, longest)
     grid = extend(grid, _EDGE)
     return grid, np.asarray(unseen & ~np.isnan(grid))
+
+
+def _count_around(full: NDArray[np.bool_]) -> Array:
+    """How many of its 8 neighbours are marked, for each cell, shape (ns, na)."""
+    return np.asarray(convolve(full.astype(float), np.ones((3, 3)), mode="constant") - full)
 
 
 def bridge(grid: Array, axis: int, longest: int) -> Array:
