@@ -17,6 +17,7 @@ from ascrcp.cli.calibrate import calibrate_machine
 from ascrcp.cli.doctor import doctor
 from ascrcp.cli.output import FAILED, OK, Output
 from ascrcp.cli.parser import Options
+from ascrcp.cli.survey import align_lidar, section, thickness
 from ascrcp.cli.table import result_table
 from ascrcp.cli.workspace import workspace
 from ascrcp.core.errors import AscrcpError, InputError
@@ -232,6 +233,9 @@ COMMANDS: dict[str, Callable[[Options, Output], int]] = {
     "machines": machines,
     "calibrate": calibrate_machine,
     "workspace": workspace,
+    "align": align_lidar,
+    "thickness": thickness,
+    "section": section,
     "doctor": doctor,
     "bench": bench,
 }

@@ -104,6 +104,12 @@ def build_parser() -> argparse.ArgumentParser:
             _calibration(stage)
         if name == "workspace":
             _workspace(stage)
+        if name == "thickness":
+            _thickness(stage)
+        if name == "section":
+            stage.add_argument(
+                "--station", type=float, required=True, metavar="M", help="station along the axis [m]"
+            )
     return parser
 
 
@@ -140,6 +146,13 @@ def _workspace(stage: argparse.ArgumentParser) -> None:
     stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where map and pictures go")
 
 
+def _thickness(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument(
+        "--after", type=Path, required=True, metavar="DIR", help="recognised round of the second scan"
+    )
+    stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where map and figures go")
+
+
 _STAGES: tuple[tuple[str, str, bool | None], ...] = (
     ("scan", "zero the joints and scan the heading", False),
     ("recognise", "cloud -> axis, arches, overbreak, bays (features.json, labelled cloud)", False),
@@ -153,6 +166,9 @@ _STAGES: tuple[tuple[str, str, bool | None], ...] = (
     ("machines", "list the arms", None),
     ("calibrate", "measured tip positions -> machine file with fitted zeros, lengths and sag", None),
     ("workspace", "what the arm reaches, and how much of a heading from this parking place", None),
+    ("align", "find the pan head's zero from the lance in a round's scan", True),
+    ("thickness", "layer between two scans of one wall, with its noise floor", True),
+    ("section", "the wall in one plane across the axis", True),
     ("doctor", "say what is missing on this computer", None),
     ("bench", "measure figures beside peers", None),
 )
