@@ -14,6 +14,9 @@ from ascrcp.perception.raster import Unrolled, raster_over
 _FACE_CELL = 0.3  # squares of the section in which the face is looked for [m]
 _FACE_STEP = 0.1  # stations tried for it [m]
 _FACE_ROUGH = 0.4  # the face lies within this of its middle [m]; placeholder
+_FACE_DEPTH = (
+    1.0  # wall may be seen so far beyond the face's middle: a rough face, a drilled cut [m]; placeholder
+)
 _BRIDGE = 0.5  # slices not seen, up to this length, do not end the sprayed part [m]
 _SEEN = 0.25  # a slice counts if it shows this share of what a typical one shows
 
@@ -65,7 +68,7 @@ def find_extent(flat: Unrolled, profile: Profile, parameters: SectionParameters)
     if not len(rows):
         return Extent(low, low, None, low)
     first, last = low + rows[0] * raster.row, low + (rows[-1] + 1) * raster.row
-    face = find_face(flat, profile, parameters)
+    face = find_face(flat, profile, parameters, last - _FACE_DEPTH)
     end = last if face is None else face
     inner = np.sum((mean < between(profile)) & (count >= 2), axis=1) / np.maximum(seen, 1)
     sprayed = valid & (inner >= parameters.sprayed_share) & (raster.station < end)
@@ -105,20 +108,24 @@ def _refine_edge(wall: Unrolled, edge: float, profile: Profile, parameters: Sect
     return float(np.median(last[np.isfinite(last)]))
 
 
-def find_face(flat: Unrolled, profile: Profile, parameters: SectionParameters) -> float | None:
+def find_face(
+    flat: Unrolled, profile: Profile, parameters: SectionParameters, nearest: float = -np.inf
+) -> float | None:
     """Find the wall that closes the tunnel: a slab of points all over the section.
 
-    People and vehicles fill only a corner of the section, dust is nowhere dense.
+    People and vehicles fill only a corner of the section, dust is dense only about the lidar, where
+    wall goes on beyond it.
 
     Args:
         flat: All points above the floor.
         profile: Design profile.
         parameters: Share of the section that must be seen.
+        nearest: Station before which no face is believed, since wall is seen beyond [m].
 
     Returns:
         Median station of the face [m], or None.
     """
-    inside = flat.offset < profile.arch_line - parameters.inside
+    inside = (flat.offset < profile.arch_line - parameters.inside) & (flat.station > nearest)
     if inside.sum() < 200:
         return None
     station, yz = flat.station[inside], flat.yz[inside]
