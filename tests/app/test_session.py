@@ -16,6 +16,12 @@ from ascrcp.session.state import Mode, Step
 
 SMALL = Path(__file__).with_name("small.yaml")
 WAIT_S = 60.0
+ATTEMPTS = 6
+STARVED = {
+    *("joint_stale", "estop_stale", "controller_stale", "joint_jump"),
+    *("cycle_late", "cycle_slow", "suspended"),
+}
+"""Causes a computer too busy for real time brings about by itself."""
 
 
 def wait_for(condition: Callable[[], bool], what: str) -> None:
@@ -53,6 +59,36 @@ def do(session: Session, *steps: Step) -> None:
         assert step in session.snapshot().job.done, session.snapshot().announcements
 
 
+def try_live(live: Session, begin: Callable[[], None], is_reached: Callable[[], bool], what: str) -> None:
+    """Reset, begin and wait, again where a busy computer kept this process from running for too long.
+
+    Then the gate stops for stale values (F1, F20, F25), a value that jumped meanwhile (F7) or a late
+    cycle (F28), as it must; any other stop fails.
+    """
+    for _ in range(ATTEMPTS):
+        live.reset_and_wait(10)
+        try:
+            begin()
+        except RefusedError:
+            continue  # stopped again between the reset and here
+        wait_for(lambda: is_reached() or live.snapshot().job.stopped, what)
+        if is_reached():
+            return
+        live.wait()
+        assert set(live.snapshot().causes) <= STARVED, live.snapshot().causes
+    pytest.fail(f"this computer is too busy for real time: {ATTEMPTS} attempts stopped before {what}")
+
+
+def set_moving(live: Session) -> None:
+    try_live(live, lambda: live.start(Step.ZERO), lambda: any(live.snapshot().drive), "motion")
+
+
+def zero(live: Session) -> None:
+    try_live(
+        live, lambda: live.start(Step.ZERO), lambda: Step.ZERO in live.snapshot().job.done, "zero joints"
+    )
+
+
 def test_nothing_moves_before_reset(session: Session) -> None:
     wait_for(lambda: bool(session.snapshot().q), "the first cycle")
     assert session.snapshot().reaction is Reaction.PROTECT
@@ -62,9 +98,7 @@ def test_nothing_moves_before_reset(session: Session) -> None:
 
 
 def test_stop_during_a_move_zeroes_the_wire_and_reset_leads_out(live: Session, tmp_path: Path) -> None:
-    live.reset_and_wait(10)
-    live.start(Step.ZERO)
-    wait_for(lambda: any(live.snapshot().drive), "motion")
+    set_moving(live)
     live.stop()
     live.wait()
     wait_for(lambda: live.snapshot().job.stopped, "the stop")
@@ -72,8 +106,7 @@ def test_stop_during_a_move_zeroes_the_wire_and_reset_leads_out(live: Session, t
     assert Step.ZERO not in live.snapshot().job.done
     with pytest.raises(RefusedError):
         live.start(Step.ZERO)
-    live.reset_and_wait(10)
-    do(live, Step.ZERO)
+    zero(live)
     live.close()
     assert_zero_after_stop(tmp_path / "round" / "run.mcap")
 
@@ -94,9 +127,7 @@ def assert_zero_after_stop(log: Path) -> None:
 
 
 def test_hard_wired_stop_is_mirrored_and_no_reset_clears_it(live: Session) -> None:
-    live.reset_and_wait(10)
-    live.start(Step.ZERO)
-    wait_for(lambda: any(live.snapshot().drive), "motion")
+    set_moving(live)
     site(live).rig.press_estop()
     live.wait()
     wait_for(lambda: live.snapshot().job.stopped, "the stop")
@@ -106,8 +137,7 @@ def test_hard_wired_stop_is_mirrored_and_no_reset_clears_it(live: Session) -> No
     time.sleep(0.2)
     assert live.snapshot().job.stopped, "software may not clear a pressed emergency stop"
     site(live).rig.release_estop()
-    live.reset_and_wait(10)
-    do(live, Step.ZERO)
+    zero(live)
 
 
 def test_run_stopped_in_the_middle_goes_on_where_it_was(session: Session) -> None:
@@ -154,13 +184,10 @@ def test_lost_sensor_stops_the_motion_and_names_itself(live: Session) -> None:
     """F1 through the whole platform: the rig stops sending joint 3."""
     from ascrcp.simulation.rig import Fault
 
-    live.reset_and_wait(10)
-    live.start(Step.ZERO)
-    wait_for(lambda: any(live.snapshot().drive), "motion")
+    set_moving(live)
     site(live).rig.inject(Fault("drop", "JointPosition3"))
     live.wait()
     wait_for(lambda: live.snapshot().job.stopped, "the stop")
     assert "joint_stale" in live.snapshot().causes
     site(live).rig.clear_faults()
-    live.reset_and_wait(10)
-    do(live, Step.ZERO)
+    zero(live)
