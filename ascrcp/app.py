@@ -41,6 +41,7 @@ from ascrcp.simulation.rig import FOLDER, Rig, RigConfig
 from ascrcp.simulation.tunnel import TunnelConfig
 
 RIG_KEYS = ("arm", "bus", "tunnel", "lidar")
+LOCKSTEP_LIDAR_S = 30.0  # time stands still meanwhile; a busy computer must not look like a silent lidar
 _CHANNELS = itertools.count(1)
 
 
@@ -155,7 +156,8 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
             write_json(round_.folder / "truth.json", heading.truth.to_dict())
             server = opened.enter_context(closing(LidarServer(simulation.lidar, heading, options.seed)))
         machine, rig = _open_rig(arm, can, codec, simulation.rig, options, opened)
-        lidar: Lidar = SickLidar(server.host, server.port, device.timeout_s) if server else _NoLidar()
+        timeout_s = LOCKSTEP_LIDAR_S if options.lockstep else device.timeout_s
+        lidar: Lidar = SickLidar(server.host, server.port, timeout_s) if server else _NoLidar()
         opened.callback(lidar.close)
         kept = ExitStack()
         session = Session(
