@@ -80,7 +80,7 @@ def across_shadow(seen: NDArray[np.bool_], filled: NDArray[np.bool_]) -> NDArray
     # open cells passed on the way from one side to the other: rims only
     opened = np.cumsum(~filled & ~seen, axis=0)
     first, last = np.maximum(before, 0), np.minimum(after, len(seen) - 1)
-    passed = np.take_along_axis(opened, last, 0) - np.take_along_axis(opened, first, 0)
+    passed: NDArray[np.int64] = np.take_along_axis(opened, last, 0) - np.take_along_axis(opened, first, 0)
     shaded = (last - first - 1) - passed
     return np.asarray(between_both & (passed <= 2 * _RIM) & (shaded > 0))
 

@@ -90,7 +90,8 @@ def draw_sample(variety: Variety, kind: Kind, seed: int, points: Range | None = 
     per_line = max(10, round(np.sqrt(_BEAMS_OVER_LINES * beams)))
     lines = max(10, round(beams / per_line))
     opening = lidar.beam_step_deg * (lidar.beams - 1)
-    lidar = msgspec.structs.replace(lidar, beams=per_line, beam_step_deg=opening / (per_line - 1))
+    finer: Any = lidar  # msgspec declares replace for its own class only, not for those made from it
+    lidar = msgspec.structs.replace(finer, beams=per_line, beam_step_deg=opening / (per_line - 1))
     arm = load_arm("kc")
     mount = arm.lidar(arm.zero_pose)
     pan = np.linspace(-np.pi / 2, np.pi / 2, lines, endpoint=False)
