@@ -1,6 +1,5 @@
 """Orders in awkward order: stop before the motion it stops, reset pressed twice, end in the middle."""
 
-import sys
 import threading
 from collections.abc import Iterator
 from multiprocessing import active_children
@@ -141,24 +140,6 @@ def test_cancel_ends_a_motion_whenever_it_comes(session: Session, cycles: int) -
         session.run_motion(sequence)
     session.measured_q()
     assert not any(session.snapshot().drive) and session.track().state == "hold"
-
-
-def test_announcements_of_two_threads_are_all_kept(session: Session) -> None:
-    interval = sys.getswitchinterval()
-    sys.setswitchinterval(1e-6)
-    before = len(session.snapshot().announcements)
-
-    def speak() -> None:
-        for _ in range(500):
-            session.announce("word", "词")
-
-    threads = [threading.Thread(target=speak) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    sys.setswitchinterval(interval)
-    assert session.snapshot().announcements[-1].number == before + 2000
 
 
 def test_close_stops_on_the_wire_leaves_nothing_behind_and_may_be_repeated(tmp_path: Path) -> None:
