@@ -23,7 +23,8 @@ NO_ARCH, DROPPED = -1, -2  # points on no arch; points beside an arch that belon
 
 _INSIDE, _OUTSIDE = 0.45, 0.45  # band about the two lines that is looked at in the first steps [m]
 _FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
-_SETTING_OUT = 0.004  # rings are not concentric: arches are set out, concrete is sprayed; placeholder [m]
+_SETTING_OUT = 0.015  # rings are not concentric, concrete is sprayed by hand; placeholder [m]
+_ARCH_SETTING_OUT = 0.004  # arches are set out with an instrument; placeholder [m]
 _TUKEY = 4.0  # cells farther off than this many scales are no evidence; usual choice 4..6
 _FIRST_SCALE = 0.15  # of the cells' errors, before the axis is near [m]
 _NEAR = 5e-4  # a smaller move ends the approach [m, rad]
@@ -73,6 +74,7 @@ class _Cells:
     along: Array
     offset: Array
     outer: NDArray[np.bool_]
+    steel: NDArray[np.bool_]
 
 
 def fit_axis(
@@ -246,7 +248,9 @@ def _average(raster: Raster, index: NDArray[np.int64], flat: Unrolled, group: ND
     if enough.sum() < 4 * _MIN_CELLS:
         raise RecognitionError("no tunnel found: too little wall is seen to fit an axis to it")
     _, ring = np.unique(ring[enough], return_inverse=True)
-    return _Cells(ring, total[1][enough], total[2][enough], total[0][enough], owner[enough] == 1)
+    return _Cells(
+        ring, total[1][enough], total[2][enough], total[0][enough], owner[enough] == 1, owner[enough] >= 2
+    )
 
 
 def _medians(value: Array, ring: NDArray[np.int64]) -> Array:
@@ -267,8 +271,9 @@ def _solve(cells: _Cells, profile: Profile, scale: float) -> tuple[Array, Array,
     """
     ring = cells.ring
     error = cells.offset - _medians(cells.offset, ring)[ring]
+    set_out = np.where(cells.steel, _ARCH_SETTING_OUT, _SETTING_OUT)
     sigma = np.maximum(1.4826 * _medians(np.abs(error), ring), scale)[ring]
-    weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / (sigma**2 + _SETTING_OUT**2)
+    weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / (sigma**2 + set_out**2)
     lever = cells.station - np.average(cells.station, weights=weight)
     normal = profile.normal(cells.along)
     design: Array = np.column_stack([normal, normal * lever[:, None]]).astype(float)
