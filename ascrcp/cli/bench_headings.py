@@ -184,7 +184,7 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
     found = solve_path(arm, case.path, arm.zero_pose, obstacles=case.obstacles)
     end = time.process_time()
     config = load_planning().timing
-    sequence = time_sequence(arm, found.path, found.q, found.break_before, config)
+    sequence = time_sequence(arm, found.path, found.q, found.break_before, config, case.obstacles)
     speed = np.abs(np.diff(sequence.q, axis=0)) / np.diff(sequence.t)[:, None] / arm.max_speed
     free, moves, blocked = _moves(arm, sequence, case.obstacles, model.least)
     by_rule = follow_point_by_point(arm, compensate(arm, spray_pose(case.path)), arm.zero_pose)
