@@ -112,6 +112,7 @@ def recognise(options: Options, output: Output) -> int:
         profile,
         load_perception(),
         options.load_kg,
+        options.shift,
         progress=output.bar("recognise"),
     )
     round_ = Round(target)

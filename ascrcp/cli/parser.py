@@ -50,6 +50,16 @@ def _natural(text: str) -> int:
     return value
 
 
+def _shift(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"{text!r} is not X,Y,Z in metres") from None
+    if not max(abs(x), abs(y), abs(z)) <= 1e8:
+        raise argparse.ArgumentTypeError(f"{text!r} is not within 1e8 m")
+    return x, y, z
+
+
 def _payload(text: str) -> float:
     value = float(text)
     if not 0.0 <= value <= 500.0:
@@ -82,6 +92,13 @@ def build_parser() -> argparse.ArgumentParser:
             )
             stage.add_argument(
                 "--out", type=Path, default=None, metavar="DIR", help="where features.json and the cloud go"
+            )
+            stage.add_argument(
+                "--shift",
+                type=_shift,
+                default=(0.0, 0.0, 0.0),
+                metavar="X,Y,Z",
+                help="taken off the cloud's coordinates [m], for a surveyor's frame",
             )
             stage.add_argument("--round", type=Path, metavar="DIR", help="round folder with a scan")
         elif needs_round is not None:

@@ -4,16 +4,19 @@ Each is one arrow of design.md section 2 with its files around it; the session a
 run the very same functions.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.control.config import ControlConfig
 from ascrcp.control.move import check_ends, find_changeover, plan_move
-from ascrcp.core.flow import Cloud, JointSequence, SprayPath, Surface
+from ascrcp.core.errors import RecognitionError
+from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath, Surface
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.kinematics.arm import Arm, load_arm
@@ -22,11 +25,13 @@ from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.path import solve_path
 from ascrcp.kinematics.route import find_route
 from ascrcp.kinematics.sag import sagged_forward, sagged_lidar
+from ascrcp.perception.alignment import align
 from ascrcp.perception.features import build_features
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.project import project
 from ascrcp.perception.reader import read_cloud
 from ascrcp.perception.recognise import recognise as recognise_cloud
+from ascrcp.perception.survey import load_survey
 from ascrcp.perception.writer import write_labelled_cloud
 from ascrcp.planning.dryrun import check_sequence
 from ascrcp.planning.parameter import Parameters as PlanningParameters
@@ -50,6 +55,7 @@ def recognise(
     profile: Profile,
     parameters: PerceptionParameters,
     payload_kg: float = 0.0,
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0),
     progress: Progress = _quiet,
 ) -> Surface:
     """Scan or cloud file -> surface.npz, features.json, cloud.ply in the folder.
@@ -61,13 +67,18 @@ def recognise(
         profile: Design profile.
         parameters: Of recognition.
         payload_kg: Concrete in the hose while scanning, for the sag of the lidar's place [kg].
+        shift: Taken off a cloud file's coordinates, for one in a surveyor's frame [m].
         progress: Called with the fraction done.
 
     Raises:
         InputError: Nothing readable, or no tunnel in it; nothing is written then.
     """
     round_ = Round(folder)
-    cloud = read_cloud(cloud_file) if cloud_file is not None else _projected(round_, machine, payload_kg)
+    notes: dict[str, Any] = {}
+    if cloud_file is not None:
+        cloud = read_cloud(cloud_file, shift)
+    else:
+        cloud = _project(read_scan(round_.need("scan", "scan")), machine, payload_kg, notes)
     progress(0.2)
     timing: dict[str, float] = {}
     surface = recognise_cloud(
@@ -76,13 +87,25 @@ def recognise(
     folder.mkdir(parents=True, exist_ok=True)
     write_surface(round_.surface, surface)
     write_labelled_cloud(round_.cloud, surface)
-    write_json(round_.features, build_features(surface, len(cloud.points), timing))
+    write_json(round_.features, {**build_features(surface, len(cloud.points), timing), **notes})
     return surface
 
 
-def _projected(round_: Round, machine: str, payload_kg: float) -> Cloud:
-    scan = read_scan(round_.need("scan", "scan"))
-    return project(scan, sagged_lidar(load_arm(machine), scan.q, payload_kg))
+def _project(scan: Scan, machine: str, payload_kg: float, notes: dict[str, Any]) -> Cloud:
+    """Align the pan head to the lance it sees (thesis 3.2), then carry the points into the base frame."""
+    zero = 0.0
+    try:
+        found = align(scan, load_survey().alignment)
+    except RecognitionError as error:
+        notes["alignment"] = {"pan_zero_deg": None, "reason": str(error)}
+    else:
+        zero = found.pan_zero
+        notes["alignment"] = {
+            "pan_zero_deg": math.degrees(zero),
+            "sigma_deg": math.degrees(found.sigma),
+            "residual_mm": 1e3 * found.residual,
+        }
+    return project(scan, sagged_lidar(load_arm(machine), scan.q, payload_kg), zero)
 
 
 def plan(folder: Path, config: PlanningParameters, progress: Progress = _quiet) -> SprayPath:

@@ -115,3 +115,10 @@ def test_seed_is_checked(value: str, capsys: pytest.CaptureFixture[str]) -> None
         main(["--seed", value, "machines"])
     assert end.value.code == 2
     assert "--seed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["1,2", "a,b,c", "nan,0,0", "1e9,0,0"])
+def test_shift_is_checked(text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(["recognise", "x.ply", "--out", "y", "--shift", text])
+    assert end.value.code == 2 and "--shift" in capsys.readouterr().err
