@@ -61,7 +61,8 @@ def test_a_stroke_nothing_reaches_is_left_out_with_its_reason(case):
     obstacles, found = case
     stroke = find_strokes(found.path, found.q, found.break_before, TIMING.gap_m)[1]
     q = found.q.copy()
-    q[stroke, 1] = np.radians(-25.0)  # the boom lowered into the floor
+    # boom and lance lowered and drawn out: the wrist is below any floor
+    q[stroke, 1:6] = np.radians(-25.0), 1.9, 0.0, 0.0, 2.2
     timed = time_path(ARM, found.path, q, found.break_before, TIMING, obstacles)
     left_out = np.flatnonzero([reason is not None for reason in timed.reasons])
     np.testing.assert_array_equal(left_out, stroke)
