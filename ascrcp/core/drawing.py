@@ -29,15 +29,11 @@ def read_drawing(path: Path, scale: float | None) -> Array:
     Raises:
         ConfigError: Not a DXF, no curves, or curves that do not join.
     """
+    from ezdxf.filemanagement import readfile  # heavy: only for who brings a drawing
+    from ezdxf.path import make_path
+
     try:
-        import ezdxf  # type: ignore[import-not-found,unused-ignore]
-        from ezdxf.path import make_path  # type: ignore[import-not-found,unused-ignore]
-    except ImportError:
-        raise ConfigError(
-            f"{path}: dxf needs the package ezdxf; or export the design line as points"
-        ) from None
-    try:
-        document = ezdxf.readfile(str(path))
+        document = readfile(str(path))
         unit = scale if scale is not None else _METRES.get(int(document.header.get("$INSUNITS", 6)), 1.0)
         entities = _design(list(document.modelspace()))
         if len(entities) > MAX_ENTITIES:
