@@ -226,7 +226,7 @@ def run_sequence(desk: Desk) -> None:
         f"喷射完成：到达 {desk.reached} 点，跳过 {desk.skipped} 点。",
     )
     session.stage("Writing the report", "正在生成报告", 0.99)
-    session.run_compute(build_report, session.round.folder, share=(0.0, 1.0))
+    session.run_compute(build_report, session.round.folder, share=(0.99, 1.0))
     session.announce("Report written.", "报告已生成。")
 
 
