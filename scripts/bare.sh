@@ -9,7 +9,7 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
-BASE=${BARE_DIR:-/var/tmp/ascrcp-bare}
+BASE=${BARE_DIR:-${XDG_CACHE_HOME:-$HOME/.cache}/ascrcp-bare}
 ROOT=$BASE/run
 CERTIFICATES=etc/ssl/certs/ca-certificates.crt
 [ $# -gt 0 ] || set -- "make setup" "make setup" "make run" "make run" "make test"
