@@ -103,14 +103,15 @@ def time_path(
     for number, stroke in enumerate(strokes):
         if progress is not None:
             progress(number / len(strokes))
-        begin = q[stroke[0]]
         if last is not None:
-            try:
-                duration, t, joints = plan_move(arm, last, begin, parameters, obstacles)
-            except UnreachableError as error:
-                for i in stroke.tolist():
-                    reasons[i] = f"its stroke cannot be approached: {error}"
+            skipped, move, why = _enter(arm, last, q[stroke], parameters, obstacles)
+            for i in stroke[:skipped].tolist():
+                reasons[i] = f"its stroke cannot be approached: {why}"
+            if move is None:
                 continue
+            stroke = stroke[skipped:]
+            begin = q[stroke[0]]
+            duration, t, joints = move
             if parts:
                 arrive = _reposition(arm, np.append(t, duration), np.vstack([joints, begin]))
                 parts.append(_shift(arrive, clock))
@@ -132,6 +133,24 @@ def _join(parts: Sequence[_Rows]) -> JointSequence:
         point=np.concatenate([p.point for p in parts]),
         spraying=np.concatenate([p.spraying for p in parts]),
     )
+
+
+def _enter(
+    arm: Arm, last: Array, q: Array, parameters: TimingParameters, obstacles: Obstacles | None
+) -> tuple[int, tuple[float, Array, Array] | None, str]:
+    """Find where a stroke can be entered: at its first point, else further and further on.
+
+    Returns:
+        How many points are left out, the move to the next one (None: all are), why.
+    """
+    why, skipped = "", 0
+    while skipped < len(q):
+        try:
+            return skipped, plan_move(arm, last, q[skipped], parameters, obstacles), why
+        except UnreachableError as error:
+            why = why or str(error)
+        skipped = 2 * skipped + 1
+    return len(q), None, why
 
 
 def find_strokes(
