@@ -7,11 +7,11 @@ from typing import Literal, Protocol
 import numpy as np
 
 from ascrcp.control.config import ControlConfig
+from ascrcp.control.follower import Followed, Follower
 from ascrcp.control.judge import Outcome, PointJudge, TipError
 from ascrcp.control.pace import Pace
 from ascrcp.control.reference import Reference, Sample
-from ascrcp.control.segmented import JointController
-from ascrcp.core.clock import CYCLE_S, NS
+from ascrcp.core.clock import CYCLE_S
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
@@ -83,7 +83,7 @@ class Tracker:
             raise ConfigError(f"control names {len(config.joints)} joints, the arm has {arm.n}")
         self._arm = arm
         self._config = config.tracker
-        self._joints = tuple(JointController(joint) for joint in config.joints)
+        self._follower = Follower(config)
         self._slow = tuple(joint.slow * joint.si for joint in config.joints)
         self._settle = tuple(joint.settle * joint.si for joint in config.joints)
         self._start = tuple(
@@ -91,8 +91,6 @@ class Tracker:
             for joint in config.joints
         )
         self._names = tuple(joint.name for joint in config.joints)
-        self._near, self._far = (number - 1 for number in config.tracker.coupled)
-        self._coupled = math.radians(config.tracker.coupled_deg)
         self._neutral = neutral(arm.n)
         self._pace = Pace(config.tracker)
         self._state: State = "hold"
@@ -181,8 +179,7 @@ class Tracker:
         self._fresh = True
         self._arrived, self._still_s = 0, 0.0
         self._pace.stop()
-        for joint in self._joints:
-            joint.clear()
+        self._follower.clear()
 
     def _follow(self, reference: Reference, inputs: MachineInputs) -> TrackerOutput:
         q = inputs.q
@@ -191,26 +188,21 @@ class Tracker:
         scale = self._pace.scale
         self._t = min(before + scale * CYCLE_S, reference.duration)
         target = reference.at(self._t)
-        error = self._observe(target, inputs, scale)
+        ahead = reference.speed_at(self._t + self._follower.lead_s * scale)
+        followed = self._follower.update(target, inputs, ahead, scale)
+        error = followed.error_q
         if self._fresh and not self._may_begin(error):
             return self._rest(target, q)
-        tip = self._tip_error(q)
+        tip = self._tip_error(q, followed)
         self._judge.update(self._t, tip)
-        self._pace.update(self._ratio(error, tip, target.spraying), must_wait or self._judge.is_waiting)
-        drive = self._drive(reference, error, q, scale)
+        ratio = tip.ratio(*self._judge.tolerance) if target.spraying else 0.0
+        self._pace.update(max(ratio, followed.behind), must_wait or self._judge.is_waiting)
         self._check_progress(reference, error, before, inputs.controller_enabled)
         if self._state != "follow":
             return self._rest(target, q)
         flows = target.spraying and scale >= self._config.pump_scale_min
-        command = Command(drive=drive, enable=True, pump=self._config.pump * scale if flows else 0.0)
+        command = Command(drive=followed.drive, enable=True, pump=self._config.pump * scale if flows else 0.0)
         return self._output(command, target, error)
-
-    def _observe(self, target: Sample, inputs: MachineInputs, scale: float) -> tuple[float, ...]:
-        """Compare every joint with where its sensor should show it; old values with older references."""
-        rows = zip(self._joints, target.q, inputs.q, target.speed, inputs.age_ns, strict=True)
-        return tuple(
-            joint.observe(r, x, v * scale * age / NS if age < NS else 0.0) for joint, r, x, v, age in rows
-        )
 
     def _may_begin(self, error: tuple[float, ...]) -> bool:
         self._fresh = False
@@ -222,33 +214,13 @@ class Tracker:
                 return False
         return True
 
-    def _tip_error(self, q: tuple[float, ...]) -> TipError:
+    def _tip_error(self, q: tuple[float, ...], followed: Followed) -> TipError:
         """Compare the measured nozzle with the reference delayed as the sensors are, both rigid."""
-        delayed = tuple(j.delayed for j in self._joints)
-        A, B = self._arm.forward(q), self._arm.forward(delayed)
+        A, B = self._arm.forward(q), self._arm.forward(followed.delayed_q)
         a, b = A[:3, :].tolist(), B[:3, :].tolist()
         distance = math.dist((a[0][3], a[1][3], a[2][3]), (b[0][3], b[1][3], b[2][3]))
         chord = math.dist((a[0][0], a[1][0], a[2][0]), (b[0][0], b[1][0], b[2][0]))
         return TipError(distance, 2.0 * math.asin(min(1.0, 0.5 * chord)))
-
-    def _ratio(self, error: tuple[float, ...], tip: TipError, spraying: bool) -> float:
-        """Return the largest error as a share of what is tolerated; the nozzle's only counts spraying."""
-        ratio = tip.ratio(*self._judge.tolerance) if spraying else 0.0
-        for e, slow in zip(error, self._slow, strict=True):
-            share = abs(e) / slow
-            if share > ratio:
-                ratio = share
-        return ratio
-
-    def _drive(
-        self, reference: Reference, error: tuple[float, ...], q: tuple[float, ...], scale: float
-    ) -> tuple[float, ...]:
-        ahead = reference.speed_at(self._t + self._config.lead_s * scale)
-        far_waits = abs(error[self._near]) > self._coupled and abs(error[self._far]) > self._coupled
-        return tuple(
-            joint.drive(e, x, v * scale, wait=far_waits and i == self._far)
-            for i, (joint, e, x, v) in enumerate(zip(self._joints, error, q, ahead, strict=True))
-        )
 
     def _check_progress(
         self, reference: Reference, error: tuple[float, ...], before: float, enabled: bool
