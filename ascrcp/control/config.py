@@ -142,7 +142,7 @@ class TrackerConfig(Struct):
         arrived_cycles: Cycles within `settle` that make an arrival.
         coupled: Near and far joint, numbered from 1, that do not move together on large errors.
         coupled_deg: What a large error is.
-        pump: Concrete flow while spraying, fraction of the largest.
+        accelerator: Accelerator dose at the pump's full flow, fraction of its largest; follows the pump.
         pump_scale_min: Time scale below which no concrete flows.
     """
 
@@ -164,7 +164,7 @@ class TrackerConfig(Struct):
     arrived_cycles: Cycles
     coupled: tuple[int, int]
     coupled_deg: Positive
-    pump: Annotated[float, Meta(ge=0.0, le=1.0)]
+    accelerator: Annotated[float, Meta(ge=0.0, le=1.0)]
     pump_scale_min: Fraction
 
     def __post_init__(self) -> None:

@@ -22,6 +22,7 @@ class Sample:
         position: Nozzle position wanted [m].
         direction: Unit spray direction wanted.
         spraying: Whether concrete should flow.
+        flow: Pump flow wanted, fraction 0..1; 0 where not spraying.
     """
 
     q: _Row
@@ -29,6 +30,7 @@ class Sample:
     position: _Row
     direction: _Row
     spraying: bool
+    flow: float = 0.0
 
 
 PART = 256  # rows converted at once: a long conversion would keep the interpreter's lock for 10 ms
@@ -52,6 +54,7 @@ class Reference:
         self._rows = _nested(values)
         self._slopes = _nested(find_slopes(sequence.t, values))
         self._spraying: list[bool] = sequence.spraying.tolist()
+        self._flow: list[float] = sequence.flow.tolist()
         at = np.flatnonzero(sequence.point >= 0)
         self.points: list[tuple[float, int]] = [(self._t[i], int(sequence.point[i])) for i in at]
         self._row = 0
@@ -69,6 +72,7 @@ class Reference:
             position=tuple(values[n : n + 3]),
             direction=(d[0] / length, d[1] / length, d[2] / length) if length > 0.0 else (0.0, 0.0, 0.0),
             spraying=spraying,
+            flow=self._flow[self._row] if spraying else 0.0,
         )
 
     def speed_at(self, t: float) -> _Row:

@@ -201,7 +201,14 @@ class Tracker:
         if self._state != "follow":
             return self._rest(target, q)
         flows = target.spraying and scale >= self._config.pump_scale_min
-        command = Command(drive=followed.drive, enable=True, pump=self._config.pump * scale if flows else 0.0)
+        pump = target.flow * scale if flows else 0.0
+        command = Command(
+            drive=followed.drive,
+            enable=True,
+            pump=pump,
+            accelerator=self._config.accelerator * pump,
+            air=flows,
+        )
         return self._output(command, target, error)
 
     def _may_begin(self, error: tuple[float, ...]) -> bool:

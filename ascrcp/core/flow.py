@@ -44,6 +44,21 @@ class _Frozen:
             object.__setattr__(self, name, array)
 
 
+def _left_out() -> Array:
+    """Stand in for an array nobody gave; `_fill` knows it by its length."""
+    return np.zeros(0)
+
+
+def _fill(owner: object, name: str, default: Array) -> None:
+    if len(getattr(owner, name)) == 0:
+        object.__setattr__(owner, name, default)
+
+
+def _check_fraction(who: str, values: Array) -> None:
+    if not ((values >= 0.0) & (values <= 1.0)).all():
+        raise InputError(f"{who} must lie in 0..1")
+
+
 @dataclass(frozen=True)
 class Scan(_Frozen):
     """Raw lidar lines as they came over the wire, with the arm where it was measured.
@@ -214,6 +229,8 @@ class SprayPath(_Frozen):
         pass_index: Running number of the pass; the nozzle sprays along a pass, not between
             passes that are not neighbours, shape (n,).
         overbreak: Whether the point fills an overbreak region, shape (n,).
+        speed: Nozzle speed wanted when leaving the point [m/s], shape (n,); 0 leaves it to the timing.
+        flow: Pump flow wanted there, fraction 0..1 of the pump's largest, shape (n,); left out: 1.
         R_base_tunnel: Rotation of the tunnel frame, shape (3, 3).
     """
 
@@ -226,6 +243,8 @@ class SprayPath(_Frozen):
     pass_index: NDArray[np.int64]
     overbreak: NDArray[np.bool_]
     R_base_tunnel: Array = field(default_factory=lambda: np.eye(3))
+    speed: Array = field(default_factory=_left_out)
+    flow: Array = field(default_factory=_left_out)
 
     SHAPES: ClassVar = {
         "position": ("n", 3),
@@ -237,7 +256,17 @@ class SprayPath(_Frozen):
         "pass_index": ("n",),
         "overbreak": ("n",),
         "R_base_tunnel": (3, 3),
+        "speed": ("n",),
+        "flow": ("n",),
     }
+
+    def __post_init__(self) -> None:
+        _fill(self, "speed", np.zeros(len(self.position)))
+        _fill(self, "flow", np.ones(len(self.position)))
+        super().__post_init__()
+        _check_fraction("SprayPath.flow", self.flow)
+        if not (self.speed >= 0.0).all():
+            raise InputError("SprayPath.speed must not be negative")
 
     def __len__(self) -> int:
         return len(self.position)
@@ -261,6 +290,8 @@ class JointSequence(_Frozen):
         direction: Unit spray direction wanted, shape (m, 3).
         point: Index of the planned point reached at this row, -1 between points, shape (m,).
         spraying: Whether concrete should flow while leaving this row, shape (m,).
+        flow: Pump flow wanted when leaving this row, fraction 0..1 of the pump's largest, 0 where not
+            spraying, shape (m,); left out: 1 wherever concrete flows.
     """
 
     t: Array
@@ -269,6 +300,7 @@ class JointSequence(_Frozen):
     direction: Array
     point: NDArray[np.int64]
     spraying: NDArray[np.bool_]
+    flow: Array = field(default_factory=_left_out)
 
     SHAPES: ClassVar = {
         "t": ("m",),
@@ -277,10 +309,15 @@ class JointSequence(_Frozen):
         "direction": ("m", 3),
         "point": ("m",),
         "spraying": ("m",),
+        "flow": ("m",),
     }
 
     def __post_init__(self) -> None:
+        _fill(self, "flow", np.asarray(self.spraying, dtype=float))
         super().__post_init__()
+        _check_fraction("JointSequence.flow", self.flow)
+        if (self.flow[~self.spraying] > 0.0).any():
+            raise InputError("JointSequence.flow must be 0 where the sequence does not spray")
         if len(self.t) < 1 or self.t[0] != 0.0 or not (np.diff(self.t) > 0).all():
             raise InputError("JointSequence.t must start at 0 and rise strictly")
 

@@ -13,15 +13,15 @@ from ascrcp.core.file import write_atomic
 from ascrcp.core.flow import JointSequence, SprayPath
 from ascrcp.core.geometry import Array
 
-VERSION = 1
+VERSION = 2  # 2: pump flow
 MAX_BYTES = 50_000_000  # faults.md, security: trajectories are capped at 50 MB
 MAX_DIGITS = 9  # of a row count; more would not fit MAX_BYTES
 PATH_KIND, JOINTS_KIND = "ascrcp spray path", "ascrcp joint sequence"
 PATH_COLUMNS = (
     "序号", "X/mm", "Y/mm", "Z/mm", "theta3/deg", "theta2/deg",
-    "station/m", "angle/deg", "bay", "pass", "kind", "speed/mm/s",
+    "station/m", "angle/deg", "bay", "pass", "kind", "speed/mm/s", "flow",
 )  # fmt: skip
-POSE_COLUMNS = ("X/mm", "Y/mm", "Z/mm", "dx", "dy", "dz")
+ROW_COLUMNS = ("point", "spraying", "flow", "X/mm", "Y/mm", "Z/mm", "dx", "dy", "dz")
 KINDS = ("bay", "overbreak")
 
 
@@ -44,13 +44,12 @@ FIRST_LINE = 4
 """Line of the first row: header, note and column names come before."""
 
 
-def write_path(file: Path, path: SprayPath, speed: float) -> None:
+def write_path(file: Path, path: SprayPath) -> None:
     """Write a planned path, one row per point in spraying order.
 
     Args:
         file: CSV file; replaced whole or not at all.
         path: Planned poses.
-        speed: Nozzle speed wanted along the passes [m/s], for the reader.
 
     Raises:
         InputError: The file cannot be written.
@@ -65,7 +64,8 @@ def write_path(file: Path, path: SprayPath, speed: float) -> None:
         path.bay.tolist(),
         path.pass_index.tolist(),
         [KINDS[int(flag)] for flag in path.overbreak],
-        [float(speed) * 1e3] * len(path),
+        (path.speed * 1e3).tolist(),
+        path.flow.tolist(),
         strict=True,
     )
     note = "R_base_tunnel " + " ".join(repr(x) for x in path.R_base_tunnel.ravel().tolist())
@@ -102,6 +102,8 @@ def read_path(file: Path) -> SprayPath:
         bay=c["bay"].astype(np.int64),
         pass_index=c["pass"].astype(np.int64),
         overbreak=overbreak,
+        speed=c["speed/mm/s"] / 1e3,
+        flow=c["flow"],
         R_base_tunnel=rotation.reshape(3, 3),
     )
 
@@ -119,12 +121,13 @@ def write_joints(file: Path, sequence: JointSequence, prismatic: ArrayLike) -> N
     """
     slides = np.asarray(prismatic, dtype=bool)
     units = np.where(slides, 1e3, np.degrees(1.0))
-    columns = ("t_s", *_joint_columns(slides), "point", "spraying", *POSE_COLUMNS)
+    columns = ("t_s", *_joint_columns(slides), *ROW_COLUMNS)
     numbers = zip(
         sequence.t.tolist(),
         *(sequence.q * units).T.tolist(),
         sequence.point.tolist(),
         sequence.spraying.astype(int).tolist(),
+        sequence.flow.tolist(),
         *(sequence.position.T * 1e3).tolist(),
         *sequence.direction.T.tolist(),
         strict=True,
@@ -139,20 +142,21 @@ def read_joints(file: Path) -> JointSequence:
         InputError: Not such a file, cut, or changed; names the line. Nothing is loaded in part.
     """
     table = _read(file, JOINTS_KIND)
-    joints = len(table.columns) - 3 - len(POSE_COLUMNS)
+    joints = len(table.columns) - 1 - len(ROW_COLUMNS)
     slides = np.array([name.endswith("_mm") for name in table.columns[1 : 1 + max(joints, 0)]], dtype=bool)
-    if table.columns != ("t_s", *_joint_columns(slides), "point", "spraying", *POSE_COLUMNS) or joints < 1:
+    if table.columns != ("t_s", *_joint_columns(slides), *ROW_COLUMNS) or joints < 1:
         raise InputError(f"{file}: line 3: columns are not those of a joint sequence")
     values = _numbers(file, table.rows, len(table.columns))
     units = np.where(slides, 1e3, np.degrees(1.0))
-    pose = values[:, 3 + joints :]
+    row = dict(zip(ROW_COLUMNS, values[:, 1 + joints :].T, strict=True))
     return JointSequence(
         t=values[:, 0],
         q=values[:, 1 : 1 + joints] / units,
-        position=pose[:, :3] / 1e3,
-        direction=pose[:, 3:],
-        point=values[:, 1 + joints].astype(np.int64),
-        spraying=values[:, 2 + joints] != 0.0,
+        position=np.column_stack([row["X/mm"], row["Y/mm"], row["Z/mm"]]) / 1e3,
+        direction=np.column_stack([row["dx"], row["dy"], row["dz"]]),
+        point=row["point"].astype(np.int64),
+        spraying=row["spraying"] != 0.0,
+        flow=row["flow"],
     )
 
 

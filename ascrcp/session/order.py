@@ -7,7 +7,7 @@ import numpy as np
 
 from ascrcp.core.flow import JointSequence
 
-_ARRAYS = ("t", "q", "position", "direction", "point", "spraying")
+_ARRAYS = ("t", "q", "position", "direction", "point", "spraying", "flow")
 
 
 def encode_order(kind: str, value: Any) -> bytes:

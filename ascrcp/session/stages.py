@@ -112,7 +112,7 @@ def plan(folder: Path, config: PlanningParameters, progress: Progress = _quiet) 
     """surface.npz -> path.csv."""
     round_ = Round(folder)
     path = plan_path(read_surface(round_.need("surface", "recognise")), config.path, progress=progress)
-    write_path(round_.path, path, config.timing.nozzle_speed_m_s)
+    write_path(round_.path, path)
     return path
 
 

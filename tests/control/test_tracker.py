@@ -51,15 +51,19 @@ def test_same_inputs_give_bit_identical_commands():
 def test_pump_runs_only_while_spraying():
     tracker = Tracker(ARM, CONTROL)
     plant = Plant(tuple(SHORT.q[0]))
-    dry = replace(SHORT, spraying=np.zeros(len(SHORT.t), bool))
-    for sequence, flows in ((SHORT, True), (dry, False)):
+    rows = len(SHORT.t)
+    thin = replace(SHORT, flow=0.4 * SHORT.flow)
+    dry = replace(SHORT, spraying=np.zeros(rows, bool), flow=np.zeros(rows))
+    for sequence, most in ((SHORT, 1.0), (thin, 0.4), (dry, 0.0)):
         tracker.follow(sequence)
         seen = []
         for _ in range(100):
             out = tracker.update(plant.inputs())
             plant.step(out.command)
             seen.append(out.command.pump)
-        assert (max(seen) > 0.0) == flows and seen[0] == 0.0
+            assert out.command.air == (out.command.pump > 0.0)
+            assert out.command.accelerator == CONTROL.tracker.accelerator * out.command.pump
+        assert max(seen) <= most and (max(seen) > 0.5 * most) == (most > 0.0) and seen[0] == 0.0
         tracker.hold()
         assert tracker.update(plant.inputs()).command.pump == 0.0
         plant = Plant(tuple(SHORT.q[0]))

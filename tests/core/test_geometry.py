@@ -93,6 +93,13 @@ def test_joint_sequence_refuses_bad_time_and_nan() -> None:
     sequence = JointSequence(**good)
     with pytest.raises(ValueError, match="read-only"):
         sequence.q[0, 0] = 1.0
-    for name, bad in (("t", np.array([0.0, 0.0])), ("q", np.full((2, 8), np.nan)), ("q", np.zeros((3, 8)))):
+    assert sequence.flow.tolist() == [1.0, 0.0]
+    for name, bad in (
+        ("t", np.array([0.0, 0.0])),
+        ("q", np.full((2, 8), np.nan)),
+        ("q", np.zeros((3, 8))),
+        ("flow", np.array([1.1, 0.0])),
+        ("flow", np.array([0.5, 0.5])),
+    ):
         with pytest.raises(InputError, match=r"JointSequence\."):
             JointSequence(**{**good, name: bad})

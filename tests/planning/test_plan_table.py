@@ -25,29 +25,31 @@ def joints() -> JointSequence:
     rng = np.random.default_rng(1)
     m = 60
     direction = rng.normal(size=(m, 3))
+    spraying = rng.random(m) < 0.5
     return JointSequence(
         t=np.concatenate([[0.0], np.cumsum(rng.uniform(0.01, 0.1, m - 1))]),
         q=rng.normal(size=(m, 8)),
         position=rng.normal(size=(m, 3)) * 10,
         direction=direction / np.linalg.norm(direction, axis=1, keepdims=True),
         point=rng.integers(-1, 50, m),
-        spraying=rng.random(m) < 0.5,
+        spraying=spraying,
+        flow=np.where(spraying, rng.random(m), 0.0),
     )
 
 
 def test_path_survives_the_file(path: SprayPath, tmp_path: Path) -> None:
-    write_path(tmp_path / "path.csv", path, 0.3)
+    write_path(tmp_path / "path.csv", path)
     back = read_path(tmp_path / "path.csv")
     for name in SprayPath.SHAPES:
         np.testing.assert_allclose(getattr(back, name), getattr(path, name), rtol=0, atol=1e-12)
-    write_path(tmp_path / "again.csv", back, 0.3)
+    write_path(tmp_path / "again.csv", back)
     np.testing.assert_allclose(read_path(tmp_path / "again.csv").position, back.position, atol=1e-12)
 
 
 def test_path_file_is_the_table_of_the_thesis(path: SprayPath, tmp_path: Path) -> None:
-    write_path(tmp_path / "path.csv", path, 0.3)
+    write_path(tmp_path / "path.csv", path)
     header, _, names, first, *_ = (tmp_path / "path.csv").read_text(encoding="utf-8").splitlines()
-    assert header.startswith(f"# ascrcp spray path version=1 rows={len(path)} crc32=")
+    assert header.startswith(f"# ascrcp spray path version=2 rows={len(path)} crc32=")
     assert names.startswith("序号,X/mm,Y/mm,Z/mm,theta3/deg,theta2/deg,")
     number, x, _, _, _, theta2 = first.split(",")[:6]
     assert number == "1" and float(x) == pytest.approx(path.position[0, 0] * 1e3)
@@ -61,7 +63,7 @@ def test_joints_survive_the_file(joints: JointSequence, tmp_path: Path) -> None:
         np.testing.assert_allclose(getattr(back, name), getattr(joints, name), rtol=0, atol=1e-12)
     assert back.t.tobytes() == joints.t.tobytes()
     names = (tmp_path / "joints.csv").read_text(encoding="utf-8").splitlines()[2]
-    assert names.startswith("t_s,q1_deg,q2_deg,q3_mm,q4_deg,q5_deg,q6_mm,q7_deg,q8_deg,point,spraying,")
+    assert names.startswith("t_s,q1_deg,q2_deg,q3_mm,q4_deg,q5_deg,q6_mm,q7_deg,q8_deg,point,spraying,flow,")
 
 
 @pytest.mark.parametrize("kind", ["path", "joints"])
@@ -73,7 +75,7 @@ def test_f40_any_flipped_bit_is_refused_by_line(
     file = tmp_path / "table.csv"
     if not file.exists():
         if kind == "path":
-            write_path(file, path, 0.3)
+            write_path(file, path)
         else:
             write_joints(file, joints, PRISMATIC)
     whole = file.read_bytes()
@@ -114,7 +116,7 @@ def test_f40_other_files_are_refused(path: SprayPath, tmp_path: Path) -> None:
         file.write_bytes(content)
         with pytest.raises(InputError, match=r"line 1"):
             read_path(file)
-    write_path(file, path, 0.3)
+    write_path(file, path)
     with pytest.raises(InputError, match="not a file of this kind"):
         read_joints(file)
 
@@ -124,5 +126,5 @@ def test_a_failed_write_leaves_the_old_file(path: SprayPath, tmp_path: Path) -> 
     folder.mkdir()
     (folder / "keep").write_text("x")
     with pytest.raises(InputError, match="cannot be written"):
-        write_path(folder, path, 0.3)
+        write_path(folder, path)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["table.csv"]

@@ -38,10 +38,11 @@ def test_follow_order_comes_back_bit_by_bit() -> None:
         direction=rng.normal(size=(4, 3)),
         point=np.array([0, -1, -1, 1]),
         spraying=np.array([True, True, False, False]),
+        flow=np.array([0.5, 0.25, 0.0, 0.0]),
     )
     kind, (back, from_s) = decode_order(encode_order("follow", (sequence, 1.25)))
     assert (kind, from_s) == ("follow", 1.25)
-    for name in ("t", "q", "position", "direction", "point", "spraying"):
+    for name in JointSequence.SHAPES:
         assert getattr(back, name).tobytes() == getattr(sequence, name).tobytes()
     for order in (("stop", None), ("reset", None), ("hold", None), ("pan", 0.3)):
         assert decode_order(encode_order(*order)) == order
