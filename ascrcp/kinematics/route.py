@@ -3,7 +3,8 @@
 Straight first. Where that comes too near to something, a small graph is searched: both ends, their mean
 and the zero pose, drawn in and raised in steps, and climbs to where there is more room, joined by straight
 legs. Legs are looked at only when the cheapest route uses them (lazy shortest path: Dellin and
-Srinivasa, ICAPS 2016).
+Srinivasa, ICAPS 2016). Where that finds nothing, an end stands in a pocket that only its own stroke leads
+out of: the strokes' postures join the graph, each to its neighbours on the stroke and to the middles.
 """
 
 from collections.abc import Sequence
@@ -61,6 +62,18 @@ MOST_LOOKS = 250
 """A search that has looked at so many legs gives up: with vehicles and people in 20 random headings, those
 that found a way needed 173 at most."""
 
+MORE_LOOKS = 1000
+"""The same with the postures of strokes, which are many; placeholder."""
+
+TRAIL_S = 0.7
+"""A trail's postures begin so far apart [s] and lie further apart with every one; placeholder."""
+
+TRAIL_GROWTH = 1.08
+"""Factor from one such distance to the next: pockets are near the ends of a move; placeholder."""
+
+TRAIL_REACH = 3
+"""A trail's posture is joined to so many of the next ones on it."""
+
 SLACK = 1e-6
 """Rounding allowed on a clearance [m]."""
 
@@ -75,7 +88,12 @@ class Look:
 
 
 def find_route(
-    arm: Arm, start: Array, end: Array, obstacles: Obstacles, first: Sequence[Array] = ()
+    arm: Arm,
+    start: Array,
+    end: Array,
+    obstacles: Obstacles,
+    first: Sequence[Array] = (),
+    trails: Sequence[Array] = (),
 ) -> tuple[Array, ...]:
     """Find the postures a move passes through so that no link comes too near to anything.
 
@@ -88,6 +106,8 @@ def find_route(
         end: Joints where it ends.
         obstacles: What to keep clear of.
         first: Postures between that are wanted if the way through them is clear.
+        trails: Ways that are known, from an end of the move onwards, each (m, joints): the stroke it
+            leaves, backwards, and the one it goes to; tried where nothing else leads there.
 
     Returns:
         The postures between, none if the straight way is clear.
@@ -112,6 +132,10 @@ def find_route(
     free = clearance(arm, nodes, obstacles).distance
     for floor in (enough, least):
         route = scout.search(nodes[free >= floor], floor)
+        if route:
+            return tuple(route[1:-1])
+    if trails:
+        route = scout.search(nodes[free >= least], least, [thin_trail(arm, trail) for trail in trails])
         if route:
             return tuple(route[1:-1])
     worst = min(straight, key=lambda look: look.least)
@@ -146,11 +170,19 @@ class _Scout:
         frames = self.arm.frames(a + np.linspace(0.0, 1.0, FEW)[:, None] * (b - a))
         return float(np.linalg.norm(np.diff(frames[..., :3, 3], axis=0), axis=-1).sum(axis=0).max())
 
-    def search(self, nodes: Array, floor: float) -> list[Array] | None:
+    def search(self, nodes: Array, floor: float, trails: Sequence[Array] = ()) -> list[Array] | None:
         """Find the cheapest route from the first node to the second; None if none is found."""
+        hubs, most = len(nodes), MORE_LOOKS if trails else MOST_LOOKS
+        nodes = np.concatenate([nodes, *trails])
         price = self.time(nodes[:, None], nodes[None]) + STOP_S
+        along = np.arange(len(nodes))
+        trail = np.repeat(np.arange(len(trails) + 1), [hubs, *map(len, trails)])
+        apart = (np.minimum.outer(along, along) >= hubs) & (
+            np.abs(np.subtract.outer(along, along)) > TRAIL_REACH
+        )
+        price[apart & np.equal.outer(trail, trail)] = np.inf
         looked = np.eye(len(nodes), dtype=bool)
-        while looked.sum() < len(nodes) + 2 * MOST_LOOKS:
+        while looked.sum() < len(nodes) + 2 * most:
             route = _shortest(price)
             unseen = [(a, b) for a, b in pairwise(route) if not looked[a, b]]
             if not unseen:
@@ -161,6 +193,17 @@ class _Scout:
                 if not np.isfinite(price[a, b]):
                     break
         return None
+
+
+def thin_trail(arm: Arm, trail: Array) -> Array:
+    """Thin a trail's postures (m, joints): close together where it begins, further apart further on."""
+    way = np.abs(np.diff(trail, axis=0, prepend=trail[:1])) / arm.max_speed
+    along, kept, step = np.cumsum(way.max(axis=1)), [0], TRAIL_S
+    for i in range(1, len(trail)):
+        if along[i] - along[kept[-1]] >= step or i == len(trail) - 1:
+            kept.append(i)
+            step *= TRAIL_GROWTH
+    return trail[kept]
 
 
 def _shortest(price: Array) -> list[int]:

@@ -1,5 +1,7 @@
 """Joint moves between strokes: from rest to rest, jerk-limited, clear of everything on the way."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ascrcp.core.geometry import Array
@@ -14,7 +16,12 @@ LIFTS_M = (0.25, 0.5, 0.75, 1.0, 1.5, 2.0)  # heights tried for the middle of a 
 
 
 def plan_move(
-    arm: Arm, start: Array, end: Array, parameters: TimingParameters, obstacles: Obstacles | None = None
+    arm: Arm,
+    start: Array,
+    end: Array,
+    parameters: TimingParameters,
+    obstacles: Obstacles | None = None,
+    trails: Sequence[Array] = (),
 ) -> tuple[float, Array, Array]:
     """Move in joint space, straight or through postures that keep clear of the surroundings.
 
@@ -28,6 +35,7 @@ def plan_move(
         end: The same at the end.
         parameters: Shares of speed, acceleration and jerk; longest time between rows.
         obstacles: The surroundings, None if they are not known.
+        trails: Ways known to be clear, from an end of the move onwards, each (m, joints); see find_route.
 
     Returns:
         Duration [s], times of the rows strictly between start and end, their joints (m, joints).
@@ -37,7 +45,7 @@ def plan_move(
     """
     if obstacles is None:
         return _plan_above(arm, start, end, parameters)
-    return _chain(arm, [start, *find_route(arm, start, end, obstacles), end], parameters)
+    return _chain(arm, [start, *find_route(arm, start, end, obstacles, trails=trails), end], parameters)
 
 
 def _plan_above(

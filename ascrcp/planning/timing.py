@@ -70,8 +70,9 @@ def time_path(
     Planned points are joined by spraying strokes as long as they are near and nothing breaks
     them; strokes start and end at rest and are joined by jerk-limited joint moves without spray.
     Points without a solution are skipped, and so is a stroke that no move reaches without coming too
-    near to something, from the zero pose for the first. Rows at planned points hold their joints and
-    pose exactly; on a stroke the pose is the path's, between strokes that of the joints.
+    near to something, from the zero pose for the first; it is tried again when all others are sprayed.
+    Rows at planned points hold their joints and pose exactly; on a stroke the pose is the path's, between
+    strokes that of the joints.
 
     Args:
         arm: The arm, for its limits and forward model.
@@ -97,31 +98,19 @@ def time_path(
     strokes = find_strokes(path, q, breaks, parameters.gap_m)
     if not strokes:
         raise UnreachableError(f"none of the {len(path)} planned points has a joint solution within limits")
-    parts: list[_Rows] = []
-    reasons: list[str | None] = [None] * len(path)
-    clock, last = 0.0, None if obstacles is None else arm.zero_pose
+    tour = _Tour(arm, path, q, parameters, obstacles)
+    late: list[NDArray[np.int64]] = []
     for number, stroke in enumerate(strokes):
         if progress is not None:
             progress(number / len(strokes))
-        if last is not None:
-            skipped, move, why = _enter(arm, last, q[stroke], parameters, obstacles)
-            for i in stroke[:skipped].tolist():
-                reasons[i] = f"its stroke cannot be approached: {why}"
-            if move is None:
-                continue
-            stroke = stroke[skipped:]
-            begin = q[stroke[0]]
-            duration, t, joints = move
-            if parts:
-                arrive = _reposition(arm, np.append(t, duration), np.vstack([joints, begin]))
-                parts.append(_shift(arrive, clock))
-                clock += duration + parameters.settle_s
-        rows = _spray(arm, path, q, stroke, parameters)
-        parts.append(_shift(rows, clock))
-        clock, last = clock + float(rows.t[-1]), q[stroke[-1]]
-    if not parts:
-        raise UnreachableError(f"none of {len(strokes)} strokes can be approached; {reasons[strokes[0][0]]}")
-    return TimedPath(_join(parts), tuple(reasons))
+        late += tour.add(stroke)
+    waiting = len(late) + 1
+    while len(late) < waiting:  # the arm stands elsewhere now; again as long as that helps
+        waiting, late = len(late), [left for stroke in late for left in tour.add(stroke)]
+    if not tour.parts:
+        first = tour.reasons[strokes[0][0]]
+        raise UnreachableError(f"none of {len(strokes)} strokes can be approached; {first}")
+    return TimedPath(_join(tour.parts), tuple(tour.reasons))
 
 
 def _join(parts: Sequence[_Rows]) -> JointSequence:
@@ -135,22 +124,69 @@ def _join(parts: Sequence[_Rows]) -> JointSequence:
     )
 
 
-def _enter(
-    arm: Arm, last: Array, q: Array, parameters: TimingParameters, obstacles: Obstacles | None
-) -> tuple[int, tuple[float, Array, Array] | None, str]:
-    """Find where a stroke can be entered: at its first point, else further and further on.
+class _Tour:
+    """Strokes one after the other, joined by moves.
 
-    Returns:
-        How many points are left out, the move to the next one (None: all are), why.
+    Attributes:
+        parts: Rows so far.
+        reasons: Why a point is left out, so far.
     """
-    why, skipped = "", 0
-    while skipped < len(q):
-        try:
-            return skipped, plan_move(arm, last, q[skipped], parameters, obstacles), why
-        except UnreachableError as error:
-            why = why or str(error)
-        skipped = 2 * skipped + 1
-    return len(q), None, why
+
+    def __init__(
+        self, arm: Arm, path: SprayPath, q: Array, parameters: TimingParameters, obstacles: Obstacles | None
+    ) -> None:
+        self._arm, self._path, self._q = arm, path, q
+        self._parameters, self._obstacles = parameters, obstacles
+        self._clock = 0.0
+        self._last = None if obstacles is None else arm.zero_pose
+        self.parts: list[_Rows] = []
+        self.reasons: list[str | None] = [None] * len(path)
+
+    def add(self, stroke: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+        """Append a stroke and the move to it; return what cannot be reached from here."""
+        skipped = 0
+        if self._last is not None:
+            skipped, move, why = self._enter(self._last, self._q[stroke])
+            for i in stroke.tolist():
+                self.reasons[i] = None
+            for i in stroke[:skipped].tolist():
+                self.reasons[i] = f"its stroke cannot be approached: {why}"
+            if move is None:
+                return [stroke]
+            if self.parts:
+                duration, t, q = move
+                rows = np.vstack([q, self._q[stroke[skipped]]])
+                arrive = _reposition(self._arm, np.append(t, duration), rows)
+                self.parts.append(_shift(arrive, self._clock))
+                self._clock += duration + self._parameters.settle_s
+        sprayed = stroke[skipped:]
+        part = _spray(self._arm, self._path, self._q, sprayed, self._parameters)
+        self.parts.append(_shift(part, self._clock))
+        self._clock, self._last = self._clock + float(part.t[-1]), self._q[sprayed[-1]]
+        return [stroke[:skipped]] if skipped else []
+
+    def _enter(self, last: Array, q: Array) -> tuple[int, tuple[float, Array, Array] | None, str]:
+        """Find where a stroke can be entered: at its first point, else further and further on.
+
+        The way back along all that was driven and the stroke itself are known to be clear. The first
+        stroke does without: the move to it is planned again where the arm then stands.
+
+        Returns:
+            How many points are left out, the move to the next one (None: all are), why.
+        """
+        why, skipped = "", 0
+        driven = [np.concatenate([part.q for part in self.parts])[::-1]] if self.parts else []
+        while skipped < len(q):
+            trails = [*driven, q[skipped:]] if driven else []
+            try:
+                end = q[skipped]
+                move = plan_move(self._arm, last, end, self._parameters, self._obstacles, trails)
+            except UnreachableError as error:
+                why = why or str(error)
+            else:
+                return skipped, move, why
+            skipped = 2 * skipped + 1
+        return len(q), None, why
 
 
 def find_strokes(
