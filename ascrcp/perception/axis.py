@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
+from ascrcp.core.errors import RecognitionError
 from ascrcp.core.flow import Axis
 from ascrcp.core.geometry import Array, unit
 from ascrcp.core.profile import Profile
 from ascrcp.perception.arch import Ring
-from ascrcp.perception.fit import DROPPED, NO_ARCH, approach_axis, check_fit, fit_axis
+from ascrcp.perception.fit import DROPPED, NO_ARCH, approach_axis, check_fit, fit_axis, steel_agreement
 from ascrcp.perception.normal import direction_from_normals, estimate_normals
 from ascrcp.perception.parameter import AxisParameters
 from ascrcp.perception.profile_line import between
@@ -20,6 +21,8 @@ _SLAB = 0.5  # stations are counted once per slab, so that the face does not out
 _FIT_VOXEL = 0.08  # the fit takes one point of each [m]
 _FIRST_VOXEL = 0.16  # likewise its first, wide steps [m]
 _SIDE = 0.03  # the arch's edges are left out of the second fit by this much [m]
+_TURN_DEG = 1.5  # bare rock alone leads the first fit so far astray; synthetic headings
+_TURNS = ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))
 _BAND = 0.10  # wall is looked for this far inside the arch line and outside the overbreak line [m]
 
 
@@ -51,6 +54,34 @@ def find_axis(points: NDArray[np.float32], profile: Profile, parameters: AxisPar
     fit = fit_axis(points, start, profile, parameters)
     check_fit(fit, profile, parameters)
     return fit.axis
+
+
+def find_bare_axis(
+    points: NDArray[np.float32], axis: Axis, profile: Profile, parameters: AxisParameters
+) -> Axis:
+    """Find the axis where no sprayed part is seen: everything at the arch line is one ring of steel.
+
+    Args:
+        points: The tunnel's points without floor, thinned, base frame [m], shape (n, 3).
+        axis: Axis as `find_axis` found it.
+        profile: Design profile.
+        parameters: Cells of the fit.
+
+    Returns:
+        The axis, to be believed if arches are found with it: bumps of rock touch the line too.
+    """
+    middle = float(np.median((points - axis.point) @ axis.direction))
+    _, left, up = axis.T_base_tunnel[:3, :3].T
+    found = []
+    for aside, above in _TURNS:
+        turned = axis.direction + np.tan(np.radians(_TURN_DEG)) * (aside * left + above * up)
+        start = axis_through(axis.point + middle * axis.direction, turned)
+        try:
+            fit = fit_axis(points, start, profile, parameters, one_ring=True)
+        except RecognitionError:
+            continue
+        found.append((steel_agreement(points, fit.axis, profile, parameters), fit.axis))
+    return max(found, key=lambda f: f[0])[1] if found else axis
 
 
 def refine_axis(

@@ -22,9 +22,11 @@ from ascrcp.perception.raster import Raster, Unrolled, raster_over, unroll
 NO_ARCH, DROPPED = -1, -2  # points on no arch; points beside an arch that belong to no ring
 
 _INSIDE, _OUTSIDE = 0.45, 0.45  # band about the two lines that is looked at in the first steps [m]
+_AGREES = 0.03  # cells this far off a ring of steel are no part of it [m]; placeholder
 _FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
 _SETTING_OUT = 0.015  # rings are not concentric, concrete is sprayed by hand; placeholder [m]
 _ARCH_SETTING_OUT = 0.004  # arches are set out with an instrument; placeholder [m]
+_ROCK_BLOCKS = 0.10  # rock is off by whole blocks, many cells alike: as if each by so much [m]; placeholder
 _TUKEY = 4.0  # cells farther off than this many scales are no evidence; usual choice 4..6
 _FIRST_SCALE = 0.15  # of the cells' errors, before the axis is near [m]
 _NEAR = 5e-4  # a smaller move ends the approach [m, rad]
@@ -36,7 +38,9 @@ _MAX_BEYOND = (
     0.3  # deep overbreak is a few per cent; the corners of a square room are half of it; placeholder
 )
 _MIN_COMPACT = 0.6  # placeholder
-_BARE_ROCK_DEG = 0.15  # far off only the bumps of bare rock are seen, which tilts the fit: synthetic headings
+_ARCH_ASIDE = 0.004  # an arch stands aside of the axis as a whole by this much, one sigma [m]; placeholder
+_ROUND_ASIDE = 0.004  # a round of sprayed concrete likewise; placeholder [m]
+_ROUND = 3.0  # its length, thesis 3.3.1: about 3 m
 _BLOCK = 1.5  # roughness is taken as independent beyond this [m], for the uncertainty
 
 
@@ -83,6 +87,7 @@ def fit_axis(
     profile: Profile,
     parameters: AxisParameters,
     arch: NDArray[np.int64] | None = None,
+    one_ring: bool = False,
 ) -> Fit:
     """Fit the axis by iterated, reweighted least squares.
 
@@ -93,6 +98,8 @@ def fit_axis(
         parameters: Cells and number of iterations.
         arch: Once arches are known, the arch each point lies on, NO_ARCH or DROPPED, shape (n,).
             `start` is then good, and each arch is one ring however it leans.
+        one_ring: Whether everything at the arch line is taken for one ring: arches not yet known, and
+            no sprayed part. Rings of their own would let each slice of a leaning arch turn the axis.
 
     Returns:
         The axis with one-sigma uncertainties, and its rings.
@@ -103,21 +110,37 @@ def fit_axis(
     axis = start
     for _ in range(parameters.iterations):
         flat = unroll(points, axis, profile)
-        axis, move = _step(axis, _gather(flat, profile, parameters, False, arch), profile, _FLOOR)
+        cells = _gather(flat, profile, parameters, False, _one_ring(flat, profile) if one_ring else arch)
+        axis, move = _step(axis, cells, profile, _FLOOR)
         if float(np.abs(move).max()) < _CONVERGED:
             break
     flat = unroll(points, axis, profile)
-    cells = _gather(flat, profile, parameters, False, arch)
+    cells = _gather(flat, profile, parameters, False, _one_ring(flat, profile) if one_ring else arch)
     _, spread, weight = _solve(cells, profile, _FLOOR)
-    evidence = _evidence(cells, weight, parameters)
-    bare = 0.0 if "sprayed" in evidence else _BARE_ROCK_DEG
     axis = replace(
         axis,
-        direction_sigma_deg=float(np.hypot(np.degrees(np.hypot(spread[2], spread[3])), bare)),
+        direction_sigma_deg=float(np.degrees(np.hypot(spread[2], spread[3]))),
         position_sigma=float(np.hypot(spread[0], spread[1])),
-        evidence=evidence,
+        evidence=_evidence(cells, weight, parameters),
     )
     return _describe(axis, flat, cells, profile, parameters)
+
+
+def steel_agreement(
+    points: NDArray[np.float32], axis: Axis, profile: Profile, parameters: AxisParameters
+) -> float:
+    """Count the cells at the arch line that lie on one ring, those farther off it for less."""
+    flat = unroll(points, axis, profile)
+    cells = _gather(flat, profile, parameters, False, _one_ring(flat, profile))
+    if not cells.steel.any():
+        return 0.0
+    error = cells.offset[cells.steel] - np.median(cells.offset[cells.steel])
+    return float(np.sum(np.maximum(0.0, 1.0 - (error / _AGREES) ** 2) ** 2))
+
+
+def _one_ring(flat: Unrolled, profile: Profile) -> NDArray[np.int64]:
+    """Take all at the arch line for one arch, shape (n,)."""
+    return np.where(flat.offset < between(profile), 0, NO_ARCH)
 
 
 def approach_axis(
@@ -271,7 +294,8 @@ def _solve(cells: _Cells, profile: Profile, scale: float) -> tuple[Array, Array,
     """
     ring = cells.ring
     error = cells.offset - _medians(cells.offset, ring)[ring]
-    set_out = np.where(cells.steel, _ARCH_SETTING_OUT, _SETTING_OUT)
+    rock = _ROCK_BLOCKS if cells.steel.any() else _SETTING_OUT  # where there is nothing better it counts
+    set_out = np.where(cells.steel, _ARCH_SETTING_OUT, np.where(cells.outer, rock, _SETTING_OUT))
     sigma = np.maximum(1.4826 * _medians(np.abs(error), ring), scale)[ring]
     weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / (sigma**2 + set_out**2)
     lever = cells.station - np.average(cells.station, weights=weight)
@@ -285,7 +309,7 @@ def _solve(cells: _Cells, profile: Profile, scale: float) -> tuple[Array, Array,
         raise RecognitionError("no tunnel found: the wall seen is too narrow to place the axis")
     move: Array = np.linalg.solve(information, design.T @ (weight * error)).astype(float)
     left = error - design @ move
-    return move, _spread(cells, design, weight * left, information), weight
+    return move, _spread(cells, design, weight, left, information), weight
 
 
 def _ring_mean(value: Array, weight: Array, ring: NDArray[np.int64], total: Array) -> Array:
@@ -293,13 +317,27 @@ def _ring_mean(value: Array, weight: Array, ring: NDArray[np.int64], total: Arra
     return np.asarray((sums / np.maximum(total, 1e-12)[:, None])[ring])
 
 
-def _spread(cells: _Cells, design: Array, score: Array, information: Array) -> Array:
-    """Standard deviations when roughness is alike within blocks (sandwich estimate)."""
-    block = np.floor(cells.station / _BLOCK).astype(np.int64) * 1000 + (cells.along / _BLOCK).astype(np.int64)
-    _, block = np.unique(block, return_inverse=True)
-    sums = np.stack([np.bincount(block, score * column) for column in design.T], axis=-1)
+def _spread(cells: _Cells, design: Array, weight: Array, left: Array, information: Array) -> Array:
+    """Standard deviations of the move, shape (4,).
+
+    Roughness is alike within blocks (sandwich estimate), and each arch, each round of sprayed concrete
+    stands aside as a whole by what setting out leaves: dy or dz of a group moves the axis as its own
+    share of the information says.
+    """
     inverse = np.linalg.inv(information)
-    return np.sqrt(np.diag(inverse @ (sums.T @ sums) @ inverse))
+    block = np.floor(cells.station / _BLOCK).astype(np.int64) * 1000 + (cells.along / _BLOCK).astype(np.int64)
+    block = 2 * block + cells.outer
+    _, block = np.unique(block, return_inverse=True)
+    sums = np.stack([np.bincount(block, weight * left * column) for column in design.T], axis=-1)
+    covariance = sums.T @ sums
+    round_ = np.floor(cells.station / _ROUND).astype(np.int64)
+    group = np.where(cells.steel, cells.ring, -1 - (round_ - round_.min()))
+    for number in np.unique(group[~cells.outer]):
+        mine = (group == number) & ~cells.outer
+        aside = _ARCH_ASIDE if number >= 0 else _ROUND_ASIDE
+        share = (design[mine] * weight[mine, None]).T @ design[mine][:, :2]
+        covariance = covariance + aside**2 * share @ share.T
+    return np.sqrt(np.diag(inverse @ covariance @ inverse))
 
 
 def _moved(axis: Axis, move: Array, middle: float) -> Axis:

@@ -11,13 +11,16 @@ from ascrcp.perception.parameter import GroundParameters
 _CELL = 0.5  # side of the squares whose lowest point speaks for them [m]
 _BAND = 0.10  # a square agrees with the plane if its lowest point is this near [m]
 _SLOPE_STEP = 0.01  # grid of slopes tried first
+_MAX_BELOW = 0.2  # share of the squares that may hold something clearly below the floor; placeholder
 
 
 def find_ground(points: NDArray[np.float32], parameters: GroundParameters) -> Array | None:
     """Find the floor as z = a x + b y + c.
 
     The lowest point of each square votes for a height under every slope allowed; the best is then
-    fitted by least squares. A tunnel seen without its floor gives None, since a vault is not flat.
+    fitted by least squares. Standing water mirrors the wall, so that points lie below the floor: if the
+    lowest do not agree, every height at which a square of the lower half holds points may vote. A tunnel
+    seen without its floor gives None, since a vault is not flat.
 
     Args:
         points: Points in the base frame [m], shape (n, 3).
@@ -26,7 +29,24 @@ def find_ground(points: NDArray[np.float32], parameters: GroundParameters) -> Ar
     Returns:
         (a, b, c), or None if there is no floor in the cloud.
     """
-    low = _lowest(points)
+    low, square = _lowest(points)
+    squares = len(low)
+    plane = _fit(low, square, squares, parameters)
+    if plane is not None and np.mean(low[:, 2] - _height(low, plane) < -2 * _BAND) <= _MAX_BELOW:
+        return plane
+    half = points[points[:, 2] < (points[:, 2].min() + points[:, 2].max()) / 2]
+    return _fit(*_levels(half), squares, parameters) if len(half) else None
+
+
+def _fit(low: Array, square: NDArray[np.int64], squares: int, parameters: GroundParameters) -> Array | None:
+    """Fit the plane most of the squares agree on; None if too few do.
+
+    Args:
+        low: Points that may be floor [m], shape (m, 3).
+        square: Square of each, shape (m,).
+        squares: How many squares hold points.
+        parameters: Tilt allowed, share of the squares that must agree.
+    """
     if len(low) < 20:
         return None
     plane = _vote(low, parameters)
@@ -36,11 +56,11 @@ def find_ground(points: NDArray[np.float32], parameters: GroundParameters) -> Ar
             return None
         design = np.column_stack([low[near, :2], np.ones(int(near.sum()))])
         plane = np.linalg.lstsq(design, low[near, 2], rcond=None)[0]
-    error = low[:, 2] - _height(low, plane)
+    agree = np.abs(low[:, 2] - _height(low, plane)) < _BAND
     tilt = np.degrees(np.arctan(np.hypot(plane[0], plane[1])))
-    share = np.mean(np.abs(error) < _BAND)
-    below = np.mean(error < -2 * _BAND)
-    if not (tilt <= parameters.max_tilt_deg and share >= parameters.min_share and below <= 0.2):
+    if not (
+        tilt <= parameters.max_tilt_deg and len(np.unique(square[agree])) >= parameters.min_share * squares
+    ):
         return None
     return plane
 
@@ -56,15 +76,28 @@ def _height(points: NDArray[Any], plane: NDArray[Any]) -> NDArray[Any]:
     return plane[0] * points[:, 0] + plane[1] * points[:, 1] + plane[2]
 
 
-def _lowest(points: NDArray[np.float32]) -> Array:
-    """Lowest point of every square, shape (m, 3)."""
+def _squares(points: NDArray[np.float32]) -> NDArray[np.int64]:
+    """Number the square of the plan each point lies in, shape (n,)."""
     cell = np.floor((points[:, :2] - points[:, :2].min(axis=0)) / _CELL).astype(np.int64)
-    key = cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1]
+    return np.asarray(cell[:, 0] * (cell[:, 1].max() + 1) + cell[:, 1])
+
+
+def _lowest(points: NDArray[np.float32]) -> tuple[Array, NDArray[np.int64]]:
+    """Lowest point of every square, shape (m, 3), and its square."""
+    key = _squares(points)
     lowest = np.full(int(key.max()) + 1, np.inf, dtype=np.float32)
     np.minimum.at(lowest, key, points[:, 2])
     index = np.flatnonzero(points[:, 2] == lowest[key])
-    _, first = np.unique(key[index], return_index=True)
-    return points[index[first]].astype(float)
+    square, first = np.unique(key[index], return_index=True)
+    return points[index[first]].astype(float), square
+
+
+def _levels(points: NDArray[np.float32]) -> tuple[Array, NDArray[np.int64]]:
+    """One point of every height at which a square holds any, shape (m, 3), and its square."""
+    key = _squares(points)
+    level = np.floor((points[:, 2] - points[:, 2].min()) / _BAND).astype(np.int64)
+    _, first = np.unique(key * (level.max() + 1) + level, return_index=True)
+    return points[first].astype(float), key[first]
 
 
 def _vote(low: Array, parameters: GroundParameters) -> Array:

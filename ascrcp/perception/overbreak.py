@@ -143,8 +143,8 @@ def _region(
     return Overbreak(
         station=(float(station[0]), float(station[1])),
         angle_deg=(float(angle[0]), float(angle[1])),
-        area_m2=float(area[seen].sum()),
-        volume_m3=float(volume[seen].sum()),
+        area_m2=float(area[whole].sum()),
+        volume_m3=float(volume[whole].sum()),
         max_depth_m=depth,
         confidence=float(seen.sum() / whole.sum()) * clear,
     )

@@ -12,7 +12,7 @@ from ascrcp.core.errors import RecognitionError
 from ascrcp.core.flow import Axis, Cloud, Label, Surface
 from ascrcp.core.profile import Profile
 from ascrcp.perception.arch import Ring, find_arches, to_arch
-from ascrcp.perception.axis import find_axis, refine_axis, thin
+from ascrcp.perception.axis import find_axis, find_bare_axis, refine_axis, thin
 from ascrcp.perception.bay import find_bays
 from ascrcp.perception.cluster import cluster
 from ascrcp.perception.crop import crop
@@ -27,6 +27,8 @@ from ascrcp.perception.wall import build_wall, wall_end
 
 Progress = Callable[[str, float], None]
 """Called as (step, fraction done 0..1) when a step begins; may raise CancelledError."""
+
+_LEAST_SPRAYED = 0.3  # a shorter sprayed part is none [m]; placeholder
 
 # share of the whole time done when each step begins, measured on 1 M points
 _BEGINS = {
@@ -92,6 +94,12 @@ def recognise(
         _check_heading(slices, profile)
     with step("arch"):
         rings = _arches(slices, profile, parameters)
+        if not (_is_sprayed(slices.extent) and "sprayed" in axis.evidence):
+            bare = find_bare_axis(tunnel, axis, profile, parameters.axis)
+            again = _cut(above, owner, bare, profile, parameters)
+            through = _arches(again, profile, parameters)
+            if through and len(through) >= len(rings):
+                axis, slices, rings = bare, again, through
         if rings:
             # where an arch leans its slices are half rock: now that it is known, fit once more
             axis = refine_axis(tunnel, axis, rings, profile, parameters.axis)
@@ -194,10 +202,15 @@ def _check_heading(slices: _Slices, profile: Profile) -> None:
         )
 
 
+def _is_sprayed(extent: Extent) -> bool:
+    """Whether a sprayed part is seen."""
+    return extent.sprayed_end > extent.first + _LEAST_SPRAYED
+
+
 def _with_evidence(axis: Axis, rings: list[Ring], extent: Extent) -> Axis:
     """Name only surfaces that were then really found."""
     names = [name for name in axis.evidence if name not in ("sprayed", "arches")]
-    if extent.sprayed_end > extent.first + 0.3:
+    if _is_sprayed(extent):
         names.insert(0, "sprayed")
     if rings:
         names.insert(-1, "arches")

@@ -17,6 +17,7 @@ _FACE_ROUGH = 0.4  # the face lies within this of its middle [m]; placeholder
 _FACE_DEPTH = (
     1.0  # wall may be seen so far beyond the face's middle: a rough face, a drilled cut [m]; placeholder
 )
+_FACE_DENSE = 3  # times as many points as float before it make a square of the face; placeholder
 _BRIDGE = 0.5  # slices not seen, up to this length, do not end the sprayed part [m]
 _SEEN = 0.25  # a slice counts if it shows this share of what a typical one shows
 
@@ -125,23 +126,32 @@ def find_face(
     Returns:
         Median station of the face [m], or None.
     """
-    inside = (flat.offset < profile.arch_line - parameters.inside) & (flat.station > nearest)
-    if inside.sum() < 200:
-        return None
+    inside = (flat.offset < profile.arch_line - parameters.inside) & (
+        flat.station > nearest - 2 * _FACE_ROUGH
+    )
     station, yz = flat.station[inside], flat.yz[inside]
+    far = station > nearest
+    if far.sum() < 200:
+        return None
     low = yz.min(axis=0)
     cell = ((yz - low) / _FACE_CELL).astype(np.int64)
     columns = int(cell[:, 1].max()) + 1
     key = cell[:, 0] * columns + cell[:, 1]
-    slab = np.floor((station - station.min()) / _FACE_STEP).astype(np.int64)
-    pairs = np.unique(slab * (key.max() + 1) + key)
+    first = float(station[far].min())
+    slab = np.floor((station[far] - first) / _FACE_STEP).astype(np.int64)
+    pairs = np.unique(slab * (key.max() + 1) + key[far])
     cover = np.bincount(pairs // (key.max() + 1))
     near = np.convolve(cover, np.ones(3), mode="same")
-    middle = station.min() + (int(near.argmax()) + 0.5) * _FACE_STEP
+    middle = first + (int(near.argmax()) + 0.5) * _FACE_STEP
     on = np.abs(station - middle) < _FACE_ROUGH
-    whole = _section_cells(flat, profile, parameters)
-    if len(np.unique(key[on])) < parameters.face_share * whole:
+    before = (station < middle - _FACE_ROUGH) & (station > middle - 3 * _FACE_ROUGH)
+    # dust lies before as well as behind, rock stops every beam
+    size = int(key.max()) + 1
+    held, floating = np.bincount(key[on], minlength=size), np.bincount(key[before], minlength=size)
+    closed = held >= _FACE_DENSE * (floating + 1)
+    if closed.sum() < parameters.face_share * _section_cells(flat, profile, parameters):
         return None
+    on &= closed[key]
     return float(np.median(station[on]))
 
 

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import convolve
+from scipy.ndimage import convolve, uniform_filter
+from scipy.special import gammainc, gammaln
 
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
@@ -21,7 +22,9 @@ _SHADOW = 0.6  # an arch's shadow reaches this far from it along the axis [m]; p
 _GAP = 4  # of 8 neighbours seen make an empty cell a gap in sampling, not shadow
 _NEIGHBOURS = 5  # of 8 cells: the rim of a straight shadow has five
 _BEFORE = 0.05  # a lone cell so far before the wall is a mixed echo: three times the relief of a cell [m]
-_STRIP = 0.5  # share in sight of a cell with shadow on both sides, the mean of all strips
+_DENSITY = 9  # cells of the square over which the density of points is averaged
+_LEAST_DARK, _MOST_DARK = 0.02, 0.10  # chance that a cell amid the wall seen is dark; synthetic headings
+_WHOLE_RIM = 0.1  # chance that a cell at the rim of a shadow is not cut by it; synthetic headings
 _EDGE = 3  # cells at an open end (face, edge of the sprayed part) that take their neighbour's value
 
 
@@ -125,15 +128,14 @@ def build_wall(
     mixed = is_mixed(mean, _is_near(raster, rings, profile), longest)
     mean[mixed], count[mixed] = np.nan, 0.0
     beyond = np.where(mixed, 0.0, raster.total(index, (rock.offset > profile.overbreak_line).astype(float)))
-    place = [raster.mean(index, value)[0] for value in (rock.station, rock.along)]
     # sprayed part and rock are different surfaces: nothing is filled across the edge between them
     parts = [_filled(mean[:before], parameters), _filled(mean[before:], parameters)]
     offset = np.concatenate([part[0] for part in parts])
     filled = np.concatenate([part[1] for part in parts])
     corner = _corner(raster, extent, filled | np.isnan(offset))
     filled &= ~corner
-    seen = ~filled & ~np.isnan(offset)
-    share = _share(raster, place, count, seen, corner)
+    share = _share(count, ~filled & ~np.isnan(offset), corner)
+    filled |= ~np.isnan(offset) & (share < 0.5)
     # the last row may reach into the face
     share *= np.clip((extent.end - raster.station) / raster.row + 0.5, 0.0, 1.0)[:, None]
     return Wall(raster, offset, filled, count, beyond, share)
@@ -148,25 +150,55 @@ def _corner(raster: Raster, extent: Extent, dark: NDArray[np.bool_]) -> NDArray[
     return corner
 
 
-def _share(
-    raster: Raster, place: list[Array], count: Array, seen: NDArray[np.bool_], corner: NDArray[np.bool_]
-) -> Array:
-    """Share of each cell that was in sight, from where its points lie in it, shape (ns, na).
+def _share(count: Array, seen: NDArray[np.bool_], corner: NDArray[np.bool_]) -> Array:
+    """Share of each cell that was in sight, from how many points it holds beside its neighbours, (ns, na).
 
-    Where one neighbour lies in shadow the shadow's rim crosses the cell, and points spread evenly
-    over what is left have their mean in its middle: right in the mean over many cells, not in each.
+    Where points lie close all round, a cell with few is partly dark, and one with none nearly always
+    lies in a shadow too narrow to be seen as one; in a thin cloud such a cell says little.
+
+    Args:
+        count: Points in each cell, shape (ns, na).
+        seen: Cells not taken for shadow, shape (ns, na).
+        corner: Cells left out beside the face, yet in sight, shape (ns, na).
     """
-    share = np.where(seen, 1.0, 0.0)
-    middles = (raster.station[:, None], raster.along[None, :])
-    for axis, size in ((0, raster.row), (1, raster.column)):
-        dark = np.pad(~seen, [(int(i == axis), int(i == axis)) for i in (0, 1)])
-        before = np.delete(dark, [-2, -1], axis)
-        after = np.delete(dark, [0, 1], axis)
-        aside = np.where(count > 0, np.nan_to_num(place[axis] - middles[axis]) / size, 0.0)
-        toward = before.astype(float) - after  # +1 where the part in sight lies at the far side
-        before[corner] = after[corner] = False
-        share *= np.where(before & after, _STRIP, 1.0 - 2.0 * aside * toward)
-    return np.where(seen, share, 0.0)
+    full = count > 0
+    inner = full & (_count_around(full) == 8.0)
+    if not inner.any():
+        return seen.astype(float)
+    weight = uniform_filter(inner.astype(float), _DENSITY)
+    usual = np.where(inner, count, 0.0)
+    near = uniform_filter(usual, _DENSITY) / np.maximum(weight, 1e-9)
+    density = np.where(weight > 1e-6, near, usual.sum() / inner.sum())
+    rim = _count_around(seen | corner) < 8.0
+    rim[[0, -1]] = rim[:, [0, -1]] = False
+    amid = seen & ~rim & ~corner
+    # more cells without a point than chance leaves empty are dark; about as many are cut by a rim
+    empty = float(np.mean(~full[amid]) - np.mean(np.exp(-density[amid]))) if amid.any() else 0.0
+    shaded = min(max(empty, _LEAST_DARK), _MOST_DARK)
+    whole, dark = np.where(rim, _WHOLE_RIM, 1.0 - 2.0 * shaded), np.where(rim, 0.0, shaded)
+    share = expected_share(count, density, whole, dark)
+    return np.where(corner, 1.0, np.where(seen, share, 0.0))
+
+
+def expected_share(count: Array, density: Array, whole: Array, dark: Array) -> Array:
+    """Expect the share x of a cell in sight: points come as a Poisson process of density times x.
+
+    Before they are counted the cell is whole, dark, or cut anywhere with equal chance.
+
+    Args:
+        count: Points found in the cell, shape (...).
+        density: Points expected in a whole one, shape (...).
+        whole: Chance that the cell is whole, shape (...).
+        dark: Chance that it is dark, shape (...).
+
+    Returns:
+        The mean share given the count, shape (...).
+    """
+    at_whole = whole * np.exp(count * np.log(density) - density - gammaln(count + 1.0))
+    at_dark = np.where(count > 0, 0.0, dark)
+    cut = (1.0 - whole - dark) * gammainc(count + 1.0, density) / density
+    of_cut = (1.0 - whole - dark) * (count + 1.0) * gammainc(count + 2.0, density) / density**2
+    return np.asarray((at_whole + of_cut) / (at_whole + at_dark + cut))
 
 
 def _is_near(raster: Raster, rings: list[Ring], profile: Profile) -> NDArray[np.bool_]:
