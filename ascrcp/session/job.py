@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from ascrcp.core.errors import InputError
+from ascrcp.control.steer_plan import SteerPlan
+from ascrcp.core.errors import AscrcpError, InputError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.sag import sagged_forward
@@ -16,8 +17,10 @@ from ascrcp.session.evaluation import evaluate
 from ascrcp.session.report import build_report
 from ascrcp.session.scanner import Scanner
 from ascrcp.session.state import Mode, Step
+from ascrcp.session.steering import SteerOrder, prepare_obstacles, prepare_plan
 from ascrcp.session.store import write_json, write_scan
 from ascrcp.session.trace import TraceCollector
+from ascrcp.session.wording import say_chinese
 
 if TYPE_CHECKING:
     from ascrcp.session.session import Session
@@ -37,6 +40,8 @@ class Desk:
         self.timing: dict[str, tuple[float, float]] = {}
         self.result: dict[str, Any] = {}
         self.planned = 0
+        self.steer_plan: SteerPlan | None = None
+        self.steer_node = (0, 0)
 
     def nozzle(self, q: Array) -> Array:
         """Nozzle pose the measured joints mean, with the sag of the boom; (8,) -> (4, 4)."""
@@ -47,14 +52,29 @@ class Desk:
         """Keep a checked sequence, to be run from its beginning."""
         self.sequence = loaded.sequence
         self.planned = loaded.planned
+        self.steer_plan = None
         self.points = int((loaded.sequence.point >= 0).sum())
         self.begin_again()
+
+    def jog(self, kind: Literal["nozzle", "joint"], joint: int) -> None:
+        """Make the surroundings known, then give the arm to the stick."""
+        session, setup = self.session, self.session.setup
+        session.stage("Jog for set-up", "点动调整")
+        around = session.run_compute(
+            prepare_obstacles, session.round.folder, setup.machine, setup.planning, share=(0.0, 0.0)
+        )
+        setup.stick.kernels.set_around(around)
+        session.run_steering(SteerOrder(kind, joint=joint, q=session.measured_q()))
 
     def begin_again(self) -> None:
         """Forget the last run: the next starts at the first point."""
         self.resume_s = 0.0
         self.reached = self.skipped = 0
         self.collector = TraceCollector(self.session.arm.n)
+
+    def keep_reached(self) -> None:
+        """Note how many planned points the stick has sprayed at."""
+        self.reached += self.session.track().reached
 
     def loaded(self) -> JointSequence:
         """Return the loaded sequence.
@@ -85,6 +105,13 @@ class Desk:
         """Whether the loaded sequence has been run to its end."""
         return self.sequence is not None and self.resume_s >= self.sequence.duration
 
+    @property
+    def is_done(self) -> bool:
+        """Whether the sequence was run to its end and enough of the planned points were reached."""
+        if self.session.snapshot().job.mode is Mode.AUTOMATIC and not self.is_finished:
+            return False
+        return self.reached >= self.session.setup.report.sprayed_share * self.planned
+
     def timing_s(self, name: str) -> float | None:
         """Time of a stage [s]: machine time where the machine worked, else computing time."""
         if name not in self.timing:
@@ -108,8 +135,10 @@ class Desk:
                 "planned": self.planned,
                 "reached": self.reached,
                 "skipped": self.skipped,
+                "left_out": self.planned - self.points,
             },
-            "ok": self.is_finished,
+            "ok": self.is_done,
+            "mode": session.snapshot().job.mode.value,
             **evaluate(trace),
             "timing_s": {name: self.timing_s(name) for name in ("scan", "recognise", "plan", "solve", "run")},
             "lateness_ms": asdict(session.lateness),
@@ -173,7 +202,7 @@ def recognise_and_solve(desk: Desk) -> None:
             setup.payload_kg,
             share=(0.75, 1.0),
         )
-    session.show(solved=solution.solved)
+    session.show(solved=solution.solved, clearance=solution.clearance)
     session.announce(
         f"Joints solved: {int(solution.solved.sum())} of {len(solution.solved)} points.",
         f"运动学解算完成：{int(solution.solved.sum())}/{len(solution.solved)} 个点。",
@@ -188,6 +217,7 @@ def load_sequence(desk: Desk) -> None:
         stages.load, session.round.folder, setup.machine, setup.planning, share=(0.0, 1.0)
     )
     desk.load(loaded)
+    session.show(sequence=loaded.sequence)
     session.announce(
         f"Joint sequence loaded: {desk.points} points, {loaded.sequence.duration:.0f} s.",
         f"关节序列已读取：{desk.points} 个点，{loaded.sequence.duration:.0f} 秒。",
@@ -197,22 +227,81 @@ def load_sequence(desk: Desk) -> None:
 def go_to_start(desk: Desk) -> None:
     """运动至初始点: the start at the right bottom, or in semi-automatic mode the nearest planned point."""
     session = desk.session
-    sequence = desk.loaded()
+    desk.loaded()
     session.stage("Moving to the start", "正在运动至初始点")
     if session.snapshot().job.mode is Mode.SEMI_AUTOMATIC:
-        tip = np.array(session.snapshot().tip)
-        planned = np.flatnonzero(sequence.point >= 0)
-        row = int(planned[np.argmin(np.linalg.norm(sequence.position[planned] - tip, axis=1))])
-        desk.resume_s = float(sequence.t[row])
-    elif desk.is_finished:
+        _move_to(desk, _nearest_pose(desk))
+        session.announce(
+            "The nozzle is at the nearest planned point; the stick may take over.",
+            "喷头已到达最近的规划点，可用摇杆操纵。",
+        )
+        return
+    if desk.is_finished:
         desk.begin_again()
     _move_to(desk, desk.pose_at(desk.resume_s))
     session.announce("The nozzle is at the start.", "喷头已到达初始点。")
 
 
+def _nearest_pose(desk: Desk) -> Array:
+    """Mesh the plan for the stick, and find the joints of its node nearest to the nozzle."""
+    session, setup = desk.session, desk.session.setup
+    if desk.steer_plan is None:
+        desk.steer_plan = session.run_compute(
+            prepare_plan,
+            session.round.folder,
+            setup.machine,
+            setup.planning,
+            setup.steer,
+            setup.payload_kg,
+            share=(0.0, 0.0),
+        )
+    plan = desk.steer_plan
+    desk.steer_node = plan.nearest(desk.nozzle(np.array(session.measured_q()))[:3, 3])
+    return np.array(plan.q[desk.steer_node])
+
+
+def steer_nozzle(desk: Desk) -> None:
+    """开始运动, semi-automatic: the stick moves the nozzle on the plan until the operator has finished."""
+    session = desk.session
+    assert desk.steer_plan is not None
+    session.stage("The joystick moves the nozzle on the plan", "摇杆沿规划面移动喷头")
+    row, column = desk.steer_node
+    try:
+        with session.stopwatch("run"):
+            session.run_steering(SteerOrder("plan", desk.steer_plan, row, column), desk.collector)
+    finally:
+        desk.keep_reached()
+        _judge(desk)
+    session.announce(
+        f"Joystick run finished: {desk.reached} of {desk.planned} planned points sprayed at.",
+        f"摇杆作业结束：{desk.planned} 个规划点中已喷 {desk.reached} 个。",
+    )
+    _write_report(desk)
+
+
+def _judge(desk: Desk) -> None:
+    """Write what the run came to; a disk that refuses must not hide why the run ended (fault F38)."""
+    try:
+        desk.finish_run()
+    except AscrcpError as error:
+        desk.session.announce(
+            f"The run's record could not be written: {error}", f"作业记录写入失败：{say_chinese(error)}", True
+        )
+
+
+def _write_report(desk: Desk) -> None:
+    session = desk.session
+    session.stage("Writing the report", "正在生成报告", 0.99)
+    session.run_compute(build_report, session.round.folder, share=(0.99, 1.0))
+    session.announce("Report written.", "报告已生成。")
+
+
 def run_sequence(desk: Desk) -> None:
     """开始运动: spray along the plan, judge the run, write the report."""
     session = desk.session
+    if session.snapshot().job.mode is Mode.SEMI_AUTOMATIC:
+        steer_nozzle(desk)
+        return
     sequence = desk.loaded()
     session.stage("Spraying along the plan", "正在按轨迹喷射")
     try:
@@ -220,14 +309,13 @@ def run_sequence(desk: Desk) -> None:
             session.run_motion(sequence, desk.resume_s, collector=desk.collector)
     finally:
         desk.keep_place()
-        desk.finish_run()
+        _judge(desk)
+    left_out = desk.planned - desk.points
     session.announce(
-        f"Spraying finished: {desk.reached} points reached, {desk.skipped} skipped.",
-        f"喷射完成：到达 {desk.reached} 点，跳过 {desk.skipped} 点。",
+        f"Spraying finished: {desk.reached} points reached, {desk.skipped} skipped, {left_out} left out.",
+        f"喷射完成：到达 {desk.reached} 点，跳过 {desk.skipped} 点，未规划解 {left_out} 点。",
     )
-    session.stage("Writing the report", "正在生成报告", 0.99)
-    session.run_compute(build_report, session.round.folder, share=(0.99, 1.0))
-    session.announce("Report written.", "报告已生成。")
+    _write_report(desk)
 
 
 def _move_to(desk: Desk, target: Array) -> None:

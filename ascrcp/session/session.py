@@ -8,31 +8,32 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
 from ascrcp.control.tracker import TrackerOutput
 from ascrcp.core.errors import AscrcpError, CancelledError, DefectError, DeviceError, RefusedError
 from ascrcp.core.event import EVENTS, Reaction
-from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.session import state
+from ascrcp.session.alarm_history import AlarmHistory
 from ascrcp.session.compute import Compute
 from ascrcp.session.cycle import Cycle, CycleOutput
 from ascrcp.session.driver import LockstepDriver, RealTimeDriver, favour_application
 from ascrcp.session.job import JOBS, Desk
+from ascrcp.session.notice import Notices
 from ascrcp.session.operation import Operation, StoppedError
 from ascrcp.session.recorder import Recorder
 from ascrcp.session.round import Round
+from ascrcp.session.scene import change_scene
 from ascrcp.session.setup import Setup
-from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot
+from ascrcp.session.snapshot import Lateness, Scene, Snapshot
 from ascrcp.session.state import JobState, Mode, Refusal, Step
-from ascrcp.session.view import add_machine
+from ascrcp.session.view import add_machine, estimate_factor, estimate_remaining
+from ascrcp.session.wording import say_chinese
 
-KEPT_ANNOUNCEMENTS = 50
 COMPUTE_NICENESS = 10  # in real time: below the application (placeholder)
 RESET_PATIENCE_S = 0.25  # twice the time in which every sensor is heard
-SCENE_POINTS = 100_000  # software OpenGL draws 29 frames/s at this many points
 
 T = TypeVar("T")
 
@@ -50,14 +51,14 @@ class Session:
         self._job = JobState(done=frozenset({Step.RECOGNISE} if round_.joints.exists() else ()))
         self._latest: CycleOutput | None = None
         self._reset_over = threading.Event()
-        self._telling = threading.Lock()
-        self._announcements: tuple[Announcement, ...] = ()
+        self._notices = Notices()
         self.failure = ""
         self._scene = Scene()
         self._stage = ("", "")
         self._stage_began = time.monotonic()
         self._stage_began_ns = 0
         self._causes: tuple[str, ...] = ()
+        self._history = AlarmHistory()
         self._digest = hashlib.sha256()
         self._worker: threading.Thread | None = None
         self.compute = Compute(0 if setup.lockstep else COMPUTE_NICENESS)
@@ -65,7 +66,7 @@ class Session:
         self._recorder = Recorder(round_.folder)
         self._record_failed = self._closing = False
         self._defect: DefectError | None = None
-        self.cycle = Cycle(setup.link, setup.tracker, setup.gate, self._tip, setup.truth)
+        self.cycle = Cycle(setup.link, setup.tracker, setup.gate, self._tip, setup.truth, setup.stick)
         if setup.lockstep:
             assert setup.plant is not None
             self._driver: LockstepDriver | RealTimeDriver = LockstepDriver(
@@ -75,6 +76,7 @@ class Session:
             self._driver = RealTimeDriver(self.cycle, self._on_cycle, self._on_defect, setup.plant)
         self._operation = Operation(self.cycle, setup.lockstep, self._driver.wake)
         self.run_motion, self.run_scan = self._operation.run_motion, self._operation.run_scan
+        self.run_steering = self._operation.run_steering
         self.desk = Desk(self)
         self._driver.start()
         threading.Thread(target=self.compute.start, name="ascrcp-warm-up", daemon=True).start()
@@ -86,11 +88,47 @@ class Session:
 
     def refusal(self, step: Step) -> Refusal | None:
         """Return why a step may not start now, None if it may."""
-        reason = state.refusal(self._job, step)
+        reason = state.refusal(replace(self._job, has_joystick=self.setup.stick.is_present), step)
         worker = self._worker
         if reason is None and worker is not None and worker.is_alive():
             return Refusal.BUSY  # a stopped step's worker is still on its way out
         return reason
+
+    def jog_refusal(self) -> Refusal | None:
+        """Return why the arm may not be jogged now, None if it may."""
+        worker = self._worker
+        if worker is not None and worker.is_alive() and not self._job.jogging:
+            return Refusal.BUSY
+        return state.jog_refusal(replace(self._job, has_joystick=self.setup.stick.is_present))
+
+    def start_jog(self, kind: Literal["nozzle", "joint"], joint: int = 0) -> None:
+        """Give the arm to the stick for set-up: the nozzle freely, or one joint; slow, kept clear.
+
+        Args:
+            kind: What the stick moves.
+            joint: Number from 1, for "joint".
+
+        Raises:
+            RefusedError: If the state machine does not allow it now.
+        """
+        if kind == "joint" and not 1 <= joint <= self.arm.n:
+            raise RefusedError(f"joint {joint} cannot be jogged, allowed 1..{self.arm.n}")
+        with self._lock:
+            reason = self.jog_refusal()
+            if reason is not None:
+                raise RefusedError(reason.value[0])
+            self._job = state.start_jog(self._job)
+            self._operation.cancelled.clear()
+        self._recorder.put_event(self.t_ns, "step", f"jog {kind} {joint or ''}".strip(), "started")
+        self._worker = threading.Thread(
+            target=self._jog, args=(kind, joint), name="ascrcp-worker", daemon=True
+        )
+        self._worker.start()
+
+    def finish_steering(self) -> None:
+        """The operator has finished with the stick: the step, or the jog, is done."""
+        self._operation.finished.set()
+        self._driver.wake()
 
     def start(self, step: Step) -> None:
         """Begin a step in a worker thread.
@@ -116,9 +154,19 @@ class Session:
         self._driver.wake()
 
     def reset(self) -> None:
-        """Ask the gate to leave the stopped state."""
+        """Ask the gate to leave the stopped state; a bus whose adapter failed is opened anew first."""
+        if "bus_error" in self._causes:
+            self.cycle.begin(self._reopen)
         self.cycle.press_reset()
         self._driver.wake()
+
+    def _reopen(self) -> bool:
+        """Open the bus anew, in the control thread, at the operator's wish alone (fault F33)."""
+        try:
+            self.setup.reopen()
+        except DeviceError as error:
+            self.announce(str(error), say_chinese(error), failure=True)
+        return False
 
     def reset_and_wait(self, timeout_s: float) -> None:
         """Press reset until the gate lets go; for the command line, never for the screen.
@@ -148,6 +196,7 @@ class Session:
         """Change the mode at rest."""
         with self._lock:
             self._job = state.choose_mode(self._job, mode)
+        self._recorder.put_event(self.t_ns, "request", "mode", mode.value)
 
     def wait(self, timeout_s: float | None = None) -> None:
         """Wait until no step is under way; for the command line, never for the screen."""
@@ -176,41 +225,33 @@ class Session:
         """Return what the 3-D view draws besides the arm."""
         return self._scene
 
+    @property
+    def _elapsed_s(self) -> float:
+        """Wall time the active step has taken [s], NaN at rest."""
+        return math.nan if self._job.active is None else time.monotonic() - self._stage_began
+
     def snapshot(self) -> Snapshot:
         """Return the newest picture of the job."""
         output = self._latest
         general = Snapshot(
             t_s=self.t_ns * 1e-9,
-            job=self._job,
+            job=replace(self._job, has_joystick=self.setup.stick.is_present),
             stage=self._stage,
             progress=self._operation.progress,
-            remaining_s=self._remaining_s(),
-            announcements=self._announcements,
+            remaining_s=estimate_remaining(output, self._operation.progress, self._elapsed_s),
+            announcements=self._notices.lines,
             lateness=self.lateness,
-            realtime_factor=self._realtime_factor(),
+            realtime_factor=estimate_factor((self.t_ns - self._stage_began_ns) * 1e-9, self._elapsed_s),
             simulated=self.setup.plant is not None,
             round_dir=str(self.round.folder),
             points=self.desk.points,
             reached=self.desk.reached,
             skipped=self.desk.skipped,
+            lockstep=self.setup.lockstep,
+            alarms=self._history.alarms,
+            frames=(*self.setup.link.received, *self.setup.link.sent),
         )
         return general if output is None else add_machine(general, output)
-
-    def _realtime_factor(self) -> float:
-        """Machine time per wall time since the active step's work began."""
-        wall = time.monotonic() - self._stage_began
-        if self._job.active is None or wall < 1.0:
-            return math.nan
-        return (self.t_ns - self._stage_began_ns) * 1e-9 / wall
-
-    def _remaining_s(self) -> float:
-        output = self._latest
-        if output is not None and output.track.state == "follow":
-            return output.track.remaining_s
-        done = self._operation.progress
-        if self._job.active is None or done < 0.05:
-            return math.nan
-        return (time.monotonic() - self._stage_began) * (1.0 / done - 1.0)
 
     # control thread ----------------------------------------------------------------------------
 
@@ -230,6 +271,7 @@ class Session:
     def _watch_gate(self, output: CycleOutput) -> None:
         verdict = output.verdict
         if verdict.causes != self._causes:
+            self._history.update(output.t_ns * 1e-9, verdict.causes)
             for code in verdict.causes:
                 if code not in self._causes:
                     self._recorder.put_event(output.t_ns, "fault", code, EVENTS[code].cause[0])
@@ -265,29 +307,39 @@ class Session:
     # worker thread, used by the jobs --------------------------------------------------------------
 
     def _work(self, step: Step) -> None:
-        failed = True
         self._stage_began, self._stage_began_ns = time.monotonic(), self.t_ns
         self._operation.progress = 0.0
+        is_done = self._attempt(step.value, lambda: JOBS[step](self.desk))
+        with self._lock:
+            if self._job.active is step:
+                self._job = state.finish(self._job) if is_done else state.abandon(self._job)
+        self.stage("", "")
+        self._recorder.put_event(self.t_ns, "step", step.value, "done" if is_done else "failed")
+
+    def _jog(self, kind: Literal["nozzle", "joint"], joint: int) -> None:
+        if self._attempt("jog", lambda: self.desk.jog(kind, joint)):
+            self.announce("Jog finished.", "点动结束。")
+        with self._lock:
+            self._job = state.end_jog(self._job)
+        self.stage("", "")
+
+    def _attempt(self, name: str, job: Callable[[], None]) -> bool:
+        """Do a worker's job; tell the operator why it failed."""
         try:
-            JOBS[step](self.desk)
-            failed = False
+            job()
+            return True
         except CancelledError:
             self._fail("Cancelled.", "已取消。")
         except StoppedError as error:
-            self._fail(f"Stopped: {error}", f"已停止：{error}")
+            self._fail(f"Stopped: {error}", f"已停止：{error.chinese}")
         except AscrcpError as error:
-            self._fail(str(error), str(error))
+            self._fail(str(error), say_chinese(error))
             for note in getattr(error, "__notes__", ()):
-                self._recorder.put_event(self.t_ns, "defect", step.value, note)
+                self._recorder.put_event(self.t_ns, "defect", name, note)
         except Exception as error:  # noqa: BLE001 - a worker's exception must reach the screen
-            self._fail(f"Internal error in {step.value}: {error!r}", f"内部错误：{error!r}")
-            self._recorder.put_event(self.t_ns, "defect", step.value, traceback.format_exc())
-        finally:
-            with self._lock:
-                if self._job.active is step:
-                    self._job = state.abandon(self._job) if failed else state.finish(self._job)
-            self.stage("", "")
-            self._recorder.put_event(self.t_ns, "step", step.value, "failed" if failed else "done")
+            self._fail(f"Internal error in {name}: {error!r}", f"内部错误：{error!r}")
+            self._recorder.put_event(self.t_ns, "defect", name, traceback.format_exc())
+        return False
 
     def _fail(self, english: str, chinese: str) -> None:
         self.failure = english
@@ -295,10 +347,7 @@ class Session:
 
     def announce(self, english: str, chinese: str, failure: bool = False) -> None:
         """Tell the operator one line (thesis 6.1.2: every part done is announced)."""
-        with self._telling:  # control and worker thread may speak at once
-            number = self._announcements[-1].number + 1 if self._announcements else 1
-            line = Announcement(number, (english, chinese), failure)
-            self._announcements = (*self._announcements, line)[-KEPT_ANNOUNCEMENTS:]
+        self._notices.add(english, chinese, failure)
         self._recorder.put_event(self.t_ns, "note", "failure" if failure else "info", english)
 
     def stage(self, english: str, chinese: str, progress: float = 0.0) -> None:
@@ -350,21 +399,9 @@ class Session:
         )
         return result
 
-    def show(
-        self, surface: Surface | None = None, path: SprayPath | None = None, solved: object = None
-    ) -> None:
-        """Replace parts of the 3-D scene."""
-        scene = replace(self._scene, version=self._scene.version + 1)
-        if surface is not None:
-            stride = max(1, -(-len(surface.points) // SCENE_POINTS))
-            scene = replace(
-                scene, surface=surface, points=surface.points[::stride], labels=surface.labels[::stride]
-            )
-        if path is not None:
-            scene = replace(scene, path=path.position, path_pass=path.pass_index)
-        if solved is not None:
-            scene = replace(scene, solved=np.asarray(solved))
-        self._scene = scene
+    def show(self, **parts: Any) -> None:
+        """Replace parts of the 3-D scene, named as `change_scene` does."""
+        self._scene = change_scene(self._scene, **parts)
 
     @contextlib.contextmanager
     def stopwatch(self, name: str):  # type: ignore[no-untyped-def]

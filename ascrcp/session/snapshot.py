@@ -5,9 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from ascrcp.control.steer import SteerStatus
 from ascrcp.core.event import Reaction
-from ascrcp.core.flow import Surface
+from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import Array
+from ascrcp.core.machine_io import MachineInputs
+from ascrcp.devices.joystick import LOST, StickState
+from ascrcp.session.alarm_history import Alarm
 from ascrcp.session.state import JobState
 
 
@@ -61,8 +65,17 @@ class Snapshot:
         oil_temp_c: Oil temperature [deg C].
         lateness: Control cycle lateness.
         realtime_factor: Job time per wall time.
+        stick: The joystick.
+        steer: What the operator is told while the stick has the arm, None else.
+        armed: Whether the gate lets drives through.
+        active_causes: Those of the causes that are there now.
+        pump: Concrete flow on the wire, fraction.
         simulated: True on the rig: the screen says so in a banner.
         round_dir: Folder of the round.
+        lockstep: Virtual time: it stands still while nothing moves.
+        alarms: Causes that came, newest last, and when they went.
+        inputs: Everything the machine said in the newest cycle, None before the first.
+        frames: Identifier and data of that cycle's CAN frames, received before sent.
     """
 
     t_s: float
@@ -91,8 +104,17 @@ class Snapshot:
     oil_temp_c: float = float("nan")
     lateness: Lateness = field(default_factory=Lateness)
     realtime_factor: float = float("nan")
+    stick: StickState = LOST
+    steer: SteerStatus | None = None
+    armed: bool = False
+    active_causes: tuple[str, ...] = ()
+    pump: float = 0.0
     simulated: bool = True
     round_dir: str = ""
+    lockstep: bool = False
+    alarms: tuple[Alarm, ...] = ()
+    inputs: MachineInputs | None = None
+    frames: tuple[tuple[int, bytes], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,9 +126,12 @@ class Scene:
         points: A level of detail of the cloud [m], base frame, shape (n, 3), n <= 100,000.
         labels: `core.flow.Label` of each point, shape (n,).
         path: Planned nozzle positions [m], base frame, in spraying order, shape (m, 3).
+        path_direction: Spray direction at each planned point, shape (m, 3); empty while nobody knows.
         path_pass: Pass of each planned point, shape (m,): lines join points of one pass.
         solved: Whether each planned point has joints, shape (m,).
+        clearance: Distance to the surroundings at each planned point [m], NaN unknown, shape (m,) or empty.
         surface: The recognised surface, None before.
+        sequence: The loaded joint sequence, None before: for the dry run on the screen.
     """
 
     version: int = 0
@@ -116,3 +141,6 @@ class Scene:
     path_pass: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     solved: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
     surface: Surface | None = None
+    path_direction: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    clearance: Array = field(default_factory=lambda: np.zeros(0))
+    sequence: JointSequence | None = None

@@ -19,7 +19,7 @@ def add_machine(general: Snapshot, output: CycleOutput) -> Snapshot:
         output: The newest cycle.
     """
     track, inputs, verdict = output.track, output.inputs, output.verdict
-    following = track.state == "follow"
+    following = track.state == "follow" or output.steer is not None
     running = following and general.job.active is Step.RUN
     shown = replace(
         general,
@@ -35,6 +35,7 @@ def add_machine(general: Snapshot, output: CycleOutput) -> Snapshot:
         skipped=general.skipped + (track.skipped if running else 0),
         spraying=verdict.command.pump > 0.0,
         oil_temp_c=inputs.oil_temp_c,
+        inputs=inputs,
     )
     if output.tip is None:
         return shown
@@ -51,3 +52,30 @@ def add_machine(general: Snapshot, output: CycleOutput) -> Snapshot:
         tip_error_mm=1e3 * float(np.linalg.norm(tip - track.position)),
         tip_error_deg=math.degrees(float(angle_between(direction, track.direction))),
     )
+
+
+LEAST_WALL_S = 1.0
+"""Wall time after which a speed is shown [s]."""
+
+LEAST_SHARE = 0.05
+"""Share done from which the rest is estimated."""
+
+
+def estimate_remaining(output: CycleOutput | None, progress: float, elapsed_s: float) -> float:
+    """Estimate the time a step still needs [s], NaN if unknown.
+
+    Args:
+        output: The newest cycle: a sequence that is followed knows.
+        progress: Share of the step done.
+        elapsed_s: Wall time it has taken, NaN at rest.
+    """
+    if output is not None and output.track.state == "follow" and output.steer is None:
+        return output.track.remaining_s
+    if not elapsed_s >= 0.0 or progress < LEAST_SHARE:
+        return math.nan
+    return elapsed_s * (1.0 / progress - 1.0)
+
+
+def estimate_factor(machine_s: float, wall_s: float) -> float:
+    """Return machine time per wall time since the active step began, NaN at rest or too early."""
+    return machine_s / wall_s if wall_s >= LEAST_WALL_S else math.nan
