@@ -12,6 +12,8 @@ Seconds = Annotated[float, Meta(ge=0.0, le=60.0)]
 Positive = Annotated[float, Meta(gt=0.0, le=10_000.0)]
 Fraction = Annotated[float, Meta(gt=0.0, le=1.0)]
 DeadBand = Annotated[float, Meta(ge=0.0, le=0.3)]
+Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+Controller = Literal["identified", "stick_slip", "segmented"]
 Cycles = Annotated[int, Meta(ge=1, le=500)]
 
 
@@ -78,14 +80,73 @@ class PulseConfig(Struct):
     rest_cycles: Cycles
 
 
+class IdentifiedConfig(Struct):
+    """The project's own controller: feed-forward through the drive's inverse, feedback on an estimate.
+
+    Attributes:
+        kp: Speed per error left when the drive takes effect [1/s].
+        edge: Share of what a reading contradicts the estimate by that is taken over each cycle.
+        centre: Share of what it differs by within half a step.
+        learn: Drive learned per full-speed second of contradiction, times this.
+        offset_max: Largest drive that is learned.
+        zone: Error that is left alone at rest [steps of the sensor].
+        rest_speed: Reference speed that counts as rest [steps of the sensor per second].
+    """
+
+    kp: Annotated[float, Meta(gt=0.0, le=20.0)] = 3.0
+    edge: Share = 0.3
+    centre: Share = 0.04
+    learn: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.5
+    offset_max: DeadBand = 0.1
+    zone: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.3
+    rest_speed: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.2
+
+
+class StickSlipConfig(Struct):
+    """A joint that cannot turn slowly: motion in pieces (joints 7 and 8).
+
+    Attributes:
+        creep: Slowest speed at which it turns at all [deg/s or mm/s].
+        drive: Drive of a piece; must break the joint away.
+        drive_max: Drive to which pieces that move nothing are raised.
+        drive_step: By how much they are raised.
+        cycles: Cycles of the shortest piece: the valve needs that long to open at all.
+        start_s: From the first drive of a piece to motion.
+        stop_s: From its end to rest.
+        tail_s: Time by which a piece turns longer than it is driven; learned from then on.
+        tail_max_s: Largest that is learned.
+        band: Half a tooth: error at which a piece begins, and beyond the target at which it ends [deg, mm].
+        zone: Error that is left alone at rest [deg or mm].
+        kp: Speed per error above the creep speed [1/s].
+    """
+
+    creep: Positive = 6.0
+    drive: Fraction = 0.18
+    drive_max: Fraction = 0.4
+    drive_step: Fraction = 0.02
+    cycles: Cycles = 2
+    start_s: Seconds = 0.045
+    stop_s: Seconds = 0.04
+    tail_s: Annotated[float, Meta(ge=-0.2, le=0.2)] = 0.0
+    tail_max_s: Seconds = 0.06
+    band: Positive = 0.15
+    zone: Positive = 0.07
+    kp: Annotated[float, Meta(gt=0.0, le=20.0)] = 3.0
+
+
 class JointConfig(Struct):
     """One joint, in its own unit: deg of a turning, mm of a sliding joint.
 
     Attributes:
         name: For messages.
+        controller: Which of the controllers drives it.
         unit: Unit of every length or angle of this joint.
         full_speed: Speed at full drive, (up, down) [unit/s].
         dead_band: Drive at which the valve begins to open, (up, down).
+        delay_s: From a command to the speed it gives: dead time and valve.
+        oil_per_c: Relative change of speed per degree of the oil above `oil_c`.
+        oil_c: Oil temperature at which `full_speed` holds.
+        rides_on: Number of the joint whose angle the sensor also shows, 0 for none.
         lag_s: Time constant of the sensor; the age of its frame is known apart.
         ramp: Largest change of drive per cycle (thesis 5.2.2).
         resolution: Step of the sensor; an error below 0.6 of it is none.
@@ -94,6 +155,8 @@ class JointConfig(Struct):
         integral_max: Largest speed the integral may add, fraction of full speed.
         segments: Gains by range.
         pulse: Pulsed jog, absent for joints that can be driven gently.
+        identified: The project's own controller.
+        stick_slip: The project's own controller of a joint that cannot turn slowly.
     """
 
     name: str
@@ -107,7 +170,14 @@ class JointConfig(Struct):
     slow: Positive
     integral_max: Fraction
     segments: list[SegmentConfig]
+    controller: Controller = "identified"
+    delay_s: Annotated[float, Meta(ge=0.0, le=0.3)] = 0.06
+    oil_per_c: Annotated[float, Meta(ge=0.0, le=0.02)] = 0.0
+    oil_c: Annotated[float, Meta(ge=-40.0, le=150.0)] = 45.0
+    rides_on: Annotated[int, Meta(ge=0, le=8)] = 0
     pulse: PulseConfig | None = None
+    identified: IdentifiedConfig = IdentifiedConfig()
+    stick_slip: StickSlipConfig = StickSlipConfig()
 
     def __post_init__(self) -> None:
         ends = [segment.to for segment in self.segments]
@@ -124,7 +194,6 @@ class TrackerConfig(Struct):
     """How a sequence is followed (thesis fig. 5-2).
 
     Attributes:
-        lead_s: How far ahead the reference speed is fed forward: valve and bus.
         ideal_mm: Ideal nozzle error at a planned point.
         ideal_deg: Ideal error of the spray direction.
         tolerance_factor: Tolerance over ideal (thesis 5.2.1: 1.5).
@@ -146,7 +215,6 @@ class TrackerConfig(Struct):
         pump_scale_min: Time scale below which no concrete flows.
     """
 
-    lead_s: Seconds
     ideal_mm: Positive
     ideal_deg: Positive
     tolerance_factor: Annotated[float, Meta(ge=1.0, le=5.0)]

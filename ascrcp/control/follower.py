@@ -7,10 +7,11 @@ steering from its own integration.
 import math
 from dataclasses import dataclass
 
-from ascrcp.control.config import ControlConfig
+from ascrcp.control.choice import make_controller
+from ascrcp.control.config import ControlConfig, JointConfig
+from ascrcp.control.joint import Observer, Want
 from ascrcp.control.reference import Sample
-from ascrcp.control.segmented import JointController
-from ascrcp.core.clock import NS
+from ascrcp.core.clock import CYCLE_S, NS
 from ascrcp.core.machine_io import MachineInputs
 
 
@@ -36,16 +37,19 @@ class Follower:
     """All joint controllers of a machine and the rule that couples two of them."""
 
     def __init__(self, config: ControlConfig) -> None:
-        self._joints = tuple(JointController(joint) for joint in config.joints)
+        self._joints = tuple(_Joint(joint) for joint in config.joints)
         self._slow = tuple(joint.slow * joint.si for joint in config.joints)
         self._near, self._far = (number - 1 for number in config.tracker.coupled)
         self._coupled = math.radians(config.tracker.coupled_deg)
-        self.lead_s = config.tracker.lead_s
+        self.lead_s = max(joint.lead_s for joint in self._joints)
+        for joint in self._joints:
+            joint.share = joint.lead_s / self.lead_s
 
     def clear(self) -> None:
         """Forget the past: the joints stand, and something new is followed."""
         for joint in self._joints:
-            joint.clear()
+            joint.control.clear()
+            joint.observer.clear()
 
     def update(
         self,
@@ -68,18 +72,34 @@ class Follower:
         error = self._observe(sample, inputs, scale)
         speeds = sample.speed if ahead is None else ahead
         far_waits = abs(error[self._near]) > self._coupled and abs(error[self._far]) > self._coupled
-        rows = zip(self._joints, error, inputs.q, speeds, strict=True)
-        drive = tuple(
-            joint.drive(e, x, v * scale, wait=far_waits and i == self._far)
-            for i, (joint, e, x, v) in enumerate(rows)
-        )
-        return Followed(drive, error, tuple(j.delayed for j in self._joints), self._behind(error))
+        q = inputs.q
+        drives: list[float] = []
+        believed: list[float] = []
+        for i, joint in enumerate(self._joints):
+            now, base = sample.speed[i] * scale, joint.base
+            want = Want(
+                target=sample.q[i],
+                speed=now,
+                ahead=now + joint.share * (speeds[i] * scale - now),
+                measured=q[i],
+                error=error[i],
+                gain=joint.gain(inputs.oil_temp_c),
+                wait=far_waits and i == self._far,
+                obeyed=inputs.controller_enabled,
+                carrier=believed[base] if base >= 0 else 0.0,
+                carrier_measured=q[base] if base >= 0 else 0.0,
+            )
+            drives.append(joint.control.drive(want))
+            believed.append(joint.control.position)
+        delayed = tuple(joint.observer.delayed for joint in self._joints)
+        return Followed(tuple(drives), error, delayed, self._behind(error))
 
     def _observe(self, sample: Sample, inputs: MachineInputs, scale: float) -> tuple[float, ...]:
         """Compare every joint with where its sensor should show it; old values with older references."""
         rows = zip(self._joints, sample.q, inputs.q, sample.speed, inputs.age_ns, strict=True)
         return tuple(
-            joint.observe(r, x, v * scale * age / NS if age < NS else 0.0) for joint, r, x, v, age in rows
+            joint.observer.update(r, x, v * scale * age / NS if age < NS else 0.0)
+            for joint, r, x, v, age in rows
         )
 
     def _behind(self, error: tuple[float, ...]) -> float:
@@ -89,3 +109,20 @@ class Follower:
             if not share <= worst:
                 worst = share
         return worst
+
+
+class _Joint:
+    """One joint's controller and what the follower knows of the joint."""
+
+    def __init__(self, config: JointConfig) -> None:
+        self.control = make_controller(config)
+        self.observer = Observer(1.0 - math.exp(-CYCLE_S / config.lag_s) if config.lag_s > 0.0 else 1.0)
+        self.base = config.rides_on - 1
+        self.lead_s = config.delay_s + 0.5 * CYCLE_S
+        self.share = 1.0
+        self._oil_per_c, self._oil_c = config.oil_per_c, config.oil_c
+
+    def gain(self, oil_c: float) -> float:
+        """Factor on the joint's speed at an oil temperature; 1 while it is unknown."""
+        factor = 1.0 + self._oil_per_c * (oil_c - self._oil_c)
+        return min(2.0, max(0.5, factor)) if abs(factor) < math.inf else 1.0

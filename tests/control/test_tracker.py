@@ -215,11 +215,11 @@ def test_resume_after_a_hold_goes_on_at_the_kept_place():
 
 
 def test_far_joint_of_the_coupled_pair_waits_for_the_near_one():
-    tracker = Tracker(ARM, CONTROL)
     q = SHORT.q[0]
-    tracker.follow(replace(SHORT, q=np.tile(q, (len(SHORT.t), 1))))
     off = replace(Plant(tuple(q)).inputs(), controller_enabled=True)
     for offset, far_moves in (([0, -0.045, 0, -0.045], False), ([0, 0.0, 0, -0.045], True)):
+        tracker = Tracker(ARM, CONTROL)
+        tracker.follow(replace(SHORT, q=np.tile(q, (len(SHORT.t), 1))))
         measured = tuple(q + np.array([*offset, 0, 0, 0, 0]))
         for _ in range(20):
             out = tracker.update(replace(off, q=measured))
