@@ -12,6 +12,8 @@ from msgspec import to_builtins
 
 from ascrcp import __version__
 from ascrcp.control.config import ControlConfig
+from ascrcp.control.steer_config import load_steer_config
+from ascrcp.control.steer_tracker import SteerTracker
 from ascrcp.control.tracker import Tracker
 from ascrcp.core.config import convert, load, merge, read_yaml
 from ascrcp.core.errors import ConfigError, InputError
@@ -19,6 +21,9 @@ from ascrcp.core.paths import CONFIG
 from ascrcp.core.profile import Profile, load_profile
 from ascrcp.devices.bus import Bus
 from ascrcp.devices.codec import Codec
+from ascrcp.devices.joystick import Joystick, JoystickConfig, SetStick
+from ascrcp.devices.joystick_can import CanJoystick
+from ascrcp.devices.joystick_usb import UsbJoystick
 from ascrcp.devices.lidar import Lidar, LidarDeviceConfig, SickLidar
 from ascrcp.devices.machine_link import DBC, CanConfig, MachineLink, load_can_config
 from ascrcp.kinematics.arm import Arm, load_arm
@@ -28,11 +33,13 @@ from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.safety.config import SafetyConfig
 from ascrcp.safety.gate import Gate
 from ascrcp.safety.limit import Limits
-from ascrcp.session.cycle import Cycle
+from ascrcp.session.cycle import Cycle, Stick
 from ascrcp.session.replay import ReplayBus
 from ascrcp.session.round import Round, open_round
 from ascrcp.session.session import Session
-from ascrcp.session.setup import Setup
+from ascrcp.session.setup import ReportConfig, Setup
+from ascrcp.session.stages import find_obstacles
+from ascrcp.session.steering import KernelMaker
 from ascrcp.session.store import write_json
 from ascrcp.simulation.heading import build_heading
 from ascrcp.simulation.lidar import LidarServer
@@ -57,6 +64,7 @@ class Options:
         cloud: A cloud in place of the scan.
         profile: Design profile; the simulated tunnel's own if None.
         lockstep: Virtual time.
+        joystick: A stick in place of the configured one.
     """
 
     machine: str = "kc"
@@ -66,6 +74,7 @@ class Options:
     cloud: Path | None = None
     profile: Path | None = None
     lockstep: bool = True
+    joystick: Joystick | None = None
 
 
 @dataclass(frozen=True)
@@ -146,6 +155,8 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     gate, tracker = _gate(arm), Tracker(arm, control)
     codec = Codec(DBC)
     _check_bus(can)
+    steer, report = load_steer_config(), load(CONFIG / "job.yaml", ReportConfig)
+    joystick_config = load(CONFIG / "devices" / "joystick.yaml", JoystickConfig)
     round_ = open_round(folder, rounds)
     with ExitStack() as opened:
         opened.enter_context(round_.lock())
@@ -155,10 +166,13 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
             heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
             write_json(round_.folder / "truth.json", heading.truth.to_dict())
             server = opened.enter_context(closing(LidarServer(simulation.lidar, heading, options.seed)))
-        machine, rig = _open_rig(arm, can, codec, simulation.rig, options, opened)
+        machine, rig, ours = _open_rig(arm, can, codec, simulation.rig, options, opened)
         timeout_s = LOCKSTEP_LIDAR_S if options.lockstep else device.timeout_s
         lidar: Lidar = SickLidar(server.host, server.port, timeout_s) if server else _NoLidar()
         opened.callback(lidar.close)
+        joystick = options.joystick or open_joystick(joystick_config)
+        opened.callback(joystick.close)
+        kernels = KernelMaker(arm, steer, options.load_kg)
         kept = ExitStack()
         session = Session(
             Setup(
@@ -178,6 +192,10 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
                 plant=Site(rig, server),
                 truth=rig.true_nozzle,
                 lockstep=options.lockstep,
+                steer=steer,
+                stick=Stick(joystick, SteerTracker(control, steer, arm.n), kernels),
+                report=report,
+                reopen=ours.reopen,
                 manifest=_manifest(options, profile),
                 close=kept.close,
             ),
@@ -192,7 +210,24 @@ def open_replay(round_: Round, bus: ReplayBus) -> Cycle:
     arm = load_arm(str(round_.manifest().get("machine", "kc")))
     can = _calibrated(load_can_config(), arm)
     link = MachineLink(bus, Codec(DBC), can, joints=arm.n)
-    return Cycle(link, Tracker(arm, _control(arm)), _gate(arm), arm.forward)
+    control, steer = _control(arm), load_steer_config()
+    planning, payload_kg = load_planning(), float(round_.manifest().get("load_kg", 0.0))
+    kernels = KernelMaker(arm, steer, payload_kg, lambda: find_obstacles(round_, arm, planning))
+    stick = Stick(None, SteerTracker(control, steer, arm.n), kernels)
+    return Cycle(link, Tracker(arm, control), _gate(arm), arm.forward, stick=stick)
+
+
+def open_joystick(config: JoystickConfig) -> Joystick:
+    """Open the configured joystick.
+
+    Raises:
+        DeviceError: It cannot be opened; the message says what is missing.
+    """
+    if config.source == "usb":
+        return UsbJoystick(config.usb, config.stale_ms.usb)
+    if config.source == "can":
+        return CanJoystick(config.can, config.stale_ms.can)
+    return SetStick(config.stale_ms.screen)
 
 
 def _calibrated(can: CanConfig, arm: Arm) -> CanConfig:
@@ -221,12 +256,12 @@ def _check_bus(can: CanConfig) -> None:
 
 def _open_rig(
     arm: Arm, can: CanConfig, codec: Codec, config: RigConfig, options: Options, opened: ExitStack
-) -> tuple[MachineLink, Rig]:
+) -> tuple[MachineLink, Rig, Bus]:
     channel = f"{can.bus.channel}-{os.getpid()}-{next(_CHANNELS)}"
     ours = opened.enter_context(closing(Bus(can.bus, channel)))
     theirs = opened.enter_context(closing(Bus(can.bus, channel)))
     rig = Rig(config, arm, theirs, seed=options.seed, load_kg=options.load_kg, codec=codec)
-    return MachineLink(ours, codec, can, joints=arm.n), rig
+    return MachineLink(ours, codec, can, joints=arm.n), rig, ours
 
 
 def _manifest(options: Options, profile: Profile) -> dict[str, Any]:

@@ -135,6 +135,23 @@ _ROWS = (
         ("It is held back outward; it may move back in.", "向外运动受限；可向内运动。"),
         ("Move the joint back in.", "将关节向内移动。"),
     ),
+    _protect(
+        "joystick_lost",
+        "F22/F24",
+        "The joystick was lost while it moved the arm.",
+        "摇杆在操纵机械臂时失去信号。",
+        (
+            "Check the joystick's plug, press reset, go to the start again.",
+            "检查摇杆连接，按复位，再重新运动至初始点。",
+        ),
+    ),
+    _protect(
+        "foreign_sender",
+        "F32",
+        "Somebody else on the bus sends our commands.",
+        "总线上有其他设备在发送本平台的指令。",
+        ("Find and unplug the other sender, press reset.", "找到并断开该设备，按复位。"),
+    ),
     _protect("bus_error", "F30/F33", "The CAN bus failed or was unplugged.", "CAN 总线故障或断开。"),
 )
 

@@ -83,6 +83,7 @@ class Gate:
         start: bool = False,
         stop: bool = False,
         error_q: Sequence[float] | None = None,
+        also: Sequence[str] = (),
     ) -> Verdict:
         """Decide what goes on the wire in this cycle. Never raises on bad values.
 
@@ -95,6 +96,7 @@ class Gate:
                 before it comes to rest in good order.
             stop: Stop on the screen, or the session's wish for a protective stop.
             error_q: Target minus measured joints [rad or m], None while nothing is followed.
+            also: Codes of events somebody else has found, e.g. a lost joystick.
 
         Returns:
             The verdict; its command has finite drives within limit and ramp, or is neutral.
@@ -102,6 +104,7 @@ class Gate:
         reset_edge, self._reset_was = reset and not self._reset_was, reset
         start_edge, self._start_was = start and not self._start_was, start
         active, beyond = self._find(inputs, request, error_q, stop)
+        active += [code for code in also if code not in active]
         hard = [code for code in active if EVENTS[code].reaction >= Reaction.PROTECT]
         soft = [code for code in active if EVENTS[code].reaction == Reaction.STOP]
 

@@ -21,6 +21,7 @@ from ascrcp.session.snapshot import Lateness
 PRIORITY = 50  # SCHED_FIFO, above ordinary work and below the kernel's interrupt threads (placeholder)
 NICENESS = -10  # of every other thread of the application (placeholder)
 GRACE_CYCLES = 10  # lockstep: cycles that run after an order, so that a reset or stop is answered
+PER_SECOND = NS // CYCLE_NS  # cycles
 WINDOW = 1 << 16  # lateness samples kept: 22 minutes
 
 
@@ -46,6 +47,7 @@ class LatenessMeter:
         self._ring = np.zeros(WINDOW)
         self._count = 0
         self._missed = 0
+        self._shown, self._shown_at = Lateness(), 0
 
     def add(self, late_ns: int) -> None:
         """Add one cycle's lateness [ns]; a whole period late counts as missed."""
@@ -54,12 +56,15 @@ class LatenessMeter:
         self._missed += late_ns // CYCLE_NS
 
     def lateness(self) -> Lateness:
-        """Return the percentiles so far [ms]."""
+        """Return the percentiles so far [ms], at most a second old: sorting them takes a millisecond."""
+        if self._shown_at and self._count - self._shown_at < PER_SECOND:
+            return self._shown
+        self._shown_at = self._count
         seen = self._ring[: min(self._count, WINDOW)]
-        if not len(seen):
-            return Lateness()
-        p50, p999 = np.percentile(seen, [50, 99.9])
-        return Lateness(float(p50), float(p999), float(seen.max()), self._missed)
+        if len(seen):
+            p50, p999 = np.percentile(seen, [50, 99.9])
+            self._shown = Lateness(float(p50), float(p999), float(seen.max()), self._missed)
+        return self._shown
 
 
 class RealTimeDriver:

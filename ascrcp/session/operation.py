@@ -10,6 +10,7 @@ from ascrcp.core.event import EVENTS, Reaction
 from ascrcp.core.flow import JointSequence
 from ascrcp.session.cycle import Cycle, CycleOutput
 from ascrcp.session.scanner import Scanner
+from ascrcp.session.steering import SteerOrder
 from ascrcp.session.trace import TraceCollector
 
 SCAN_SHARE = 0.25  # of the recognise step's progress bar
@@ -17,7 +18,11 @@ POLL_S = 0.002
 
 
 class StoppedError(AscrcpError):
-    """The safety gate stopped the motion; the message is the first cause."""
+    """The safety gate stopped the motion; the message is the first cause, `chinese` the same in Chinese."""
+
+    def __init__(self, cause: tuple[str, str]) -> None:
+        super().__init__(cause[0])
+        self.chinese = cause[1]
 
 
 @dataclass(eq=False, slots=True)
@@ -29,12 +34,14 @@ class _Motion:
         number: Its number in the cycle once it is admitted, None before.
         error: Why it did not succeed.
         over: Set when it has ended.
+        by_hand: Whether the stick moves the arm: it ends when the operator has finished.
     """
 
     collector: TraceCollector | None
     number: int | None = None
     error: AscrcpError | None = None
     over: threading.Event = field(default_factory=threading.Event)
+    by_hand: bool = False
 
 
 class Operation:
@@ -53,6 +60,7 @@ class Operation:
         self._scan_error: AscrcpError | None = None
         self._latest: CycleOutput | None = None
         self.cancelled = threading.Event()
+        self.finished = threading.Event()
         self.progress = 0.0
 
     def run_motion(
@@ -71,15 +79,30 @@ class Operation:
             AscrcpError: The tracker gave up.
         """
         self._cycle.prepare(sequence)
-        motion = self._motion = _Motion(collector)
-        if collector is not None:
-            collector.begin()
+        self._move(_Motion(collector), lambda: self._cycle.follow(sequence, from_s))
+
+    def run_steering(self, order: SteerOrder, collector: TraceCollector | None = None) -> None:
+        """Give the arm to the stick and wait until the operator has finished.
+
+        Raises:
+            StoppedError: The gate stopped it.
+            CancelledError: The operator cancelled it.
+        """
+        self._cycle.prepare_steering(order)
+        self.finished.clear()
+        self._move(_Motion(collector, by_hand=True), lambda: self._cycle.steer(order))
+
+    def _move(self, motion: _Motion, begin: Callable[[], int]) -> None:
+        """Order a motion as soon as work is admitted, and wait for its end."""
+        self._motion = motion
+        if motion.collector is not None:
+            motion.collector.begin()
 
         def admit() -> bool:
             if self.cancelled.is_set():
                 self._end_motion(motion, CancelledError("cancelled"))
                 return False
-            motion.number = self._cycle.follow(sequence, from_s)
+            motion.number = begin()
             return True
 
         self._cycle.begin(admit)
@@ -153,7 +176,11 @@ class Operation:
             motion.collector.add(output)
         state = output.track.state
         if output.verdict.reaction >= Reaction.STOP:
-            self._end_motion(motion, StoppedError(EVENTS[output.verdict.causes[0]].cause[0]))
+            if motion.by_hand:
+                self._cycle.hold()
+            self._end_motion(motion, StoppedError(EVENTS[output.verdict.causes[0]].cause))
+        elif motion.by_hand:
+            self._watch_hand(motion)
         elif state == "failed":
             self._end_motion(motion, AscrcpError(output.track.reason))
         elif state == "hold":
@@ -164,6 +191,12 @@ class Operation:
             self.progress = output.track.progress
             if self.cancelled.is_set():
                 self._cycle.hold()
+
+    def _watch_hand(self, motion: _Motion) -> None:
+        """Take the arm back from the stick when the operator has finished or given up."""
+        if self.cancelled.is_set() or self.finished.is_set():
+            self._cycle.hold()
+            self._end_motion(motion, CancelledError("cancelled") if self.cancelled.is_set() else None)
 
     def _advance_scan(self, output: CycleOutput) -> None:
         scanner = self._scanner

@@ -84,22 +84,21 @@ class Session:
     def _tip(self, q: tuple[float, ...]) -> np.ndarray:
         return self.desk.nozzle(np.array(q))
 
-    # what the screen asks ----------------------------------------------------------------------
-
     def refusal(self, step: Step) -> Refusal | None:
         """Return why a step may not start now, None if it may."""
-        reason = state.refusal(replace(self._job, has_joystick=self.setup.stick.is_present), step)
-        worker = self._worker
-        if reason is None and worker is not None and worker.is_alive():
-            return Refusal.BUSY  # a stopped step's worker is still on its way out
-        return reason
+        return self._or_busy(state.refusal(self._job_now, step))
 
     def jog_refusal(self) -> Refusal | None:
         """Return why the arm may not be jogged now, None if it may."""
-        worker = self._worker
-        if worker is not None and worker.is_alive() and not self._job.jogging:
-            return Refusal.BUSY
-        return state.jog_refusal(replace(self._job, has_joystick=self.setup.stick.is_present))
+        return self._or_busy(state.jog_refusal(self._job_now))
+
+    def _or_busy(self, reason: Refusal | None) -> Refusal | None:
+        worker = self._worker  # a stopped step's worker may still be on its way out
+        return Refusal.BUSY if reason is None and worker is not None and worker.is_alive() else reason
+
+    @property
+    def _job_now(self) -> JobState:
+        return replace(self._job, has_joystick=self.setup.stick.is_present)
 
     def start_jog(self, kind: Literal["nozzle", "joint"], joint: int = 0) -> None:
         """Give the arm to the stick for set-up: the nozzle freely, or one joint; slow, kept clear.
@@ -214,8 +213,6 @@ class Session:
         self._recorder.close()
         self.setup.close()
 
-    # what the screen sees ----------------------------------------------------------------------
-
     @property
     def t_ns(self) -> int:
         """Job time [ns]."""
@@ -235,7 +232,7 @@ class Session:
         output = self._latest
         general = Snapshot(
             t_s=self.t_ns * 1e-9,
-            job=replace(self._job, has_joystick=self.setup.stick.is_present),
+            job=self._job_now,
             stage=self._stage,
             progress=self._operation.progress,
             remaining_s=estimate_remaining(output, self._operation.progress, self._elapsed_s),
@@ -253,8 +250,6 @@ class Session:
         )
         return general if output is None else add_machine(general, output)
 
-    # control thread ----------------------------------------------------------------------------
-
     def _on_cycle(self, output: CycleOutput) -> bool:
         """Take in one cycle; return whether something still goes on."""
         self._latest = output
@@ -270,12 +265,14 @@ class Session:
 
     def _watch_gate(self, output: CycleOutput) -> None:
         verdict = output.verdict
+        # while powering up nothing has been heard yet
+        is_news = "power_up" not in verdict.causes and not self._closing
         if verdict.causes != self._causes:
             self._history.update(output.t_ns * 1e-9, verdict.causes)
             for code in verdict.causes:
                 if code not in self._causes:
                     self._recorder.put_event(output.t_ns, "fault", code, EVENTS[code].cause[0])
-                    if EVENTS[code].reaction >= Reaction.STOP and self._is_news(verdict.causes):
+                    if EVENTS[code].reaction >= Reaction.STOP and is_news:
                         self.announce(*EVENTS[code].cause, failure=True)
             self._causes = verdict.causes
         if verdict.latched and not self._job.stopped:
@@ -289,10 +286,6 @@ class Session:
             self._reset_over.set()
             self._recorder.put_event(output.t_ns, "request", "reset", "gate left the stopped state")
 
-    def _is_news(self, causes: tuple[str, ...]) -> bool:
-        """Whether a new cause is announced: not while powering up, when nothing has been heard yet."""
-        return "power_up" not in causes and not self._closing
-
     def _on_defect(self, error: Exception) -> None:
         """The control thread has ended: say so, let nobody wait for it."""
         self._defect = DefectError(f"internal error in the control cycle, it has ended: {error!r}")
@@ -303,8 +296,6 @@ class Session:
         self.announce(str(self._defect), f"控制周期内部错误，已终止：{error!r}", failure=True)
         text = "".join(traceback.format_exception(error))
         self._recorder.put_event(self.t_ns, "defect", "control", text)
-
-    # worker thread, used by the jobs --------------------------------------------------------------
 
     def _work(self, step: Step) -> None:
         self._stage_began, self._stage_began_ns = time.monotonic(), self.t_ns
@@ -357,7 +348,9 @@ class Session:
 
     def track(self) -> TrackerOutput:
         """Return what the tracker said last."""
-        return self._output().track
+        if self._latest is None:
+            raise DeviceError("the machine has not been heard yet")
+        return self._latest.track
 
     def measured_q(self) -> tuple[float, ...]:
         """Return the joints as measured last, SI; in lockstep once time stands still.
@@ -366,16 +359,11 @@ class Session:
             DeviceError: A joint was never heard.
         """
         self._driver.wait_for_rest()
-        q = self._output().inputs.q
+        q = self._latest.inputs.q if self._latest is not None else (math.nan,) * self.arm.n
         if not all(map(math.isfinite, q)):
             missing = [str(i) for i, x in enumerate(q, start=1) if not math.isfinite(x)]
             raise DeviceError(f"joint sensors {', '.join(missing)} have not been heard yet")
         return q
-
-    def _output(self) -> CycleOutput:
-        if self._latest is None:
-            raise DeviceError("the machine has not been heard yet")
-        return self._latest
 
     @property
     def lateness(self) -> Lateness:

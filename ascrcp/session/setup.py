@@ -3,10 +3,14 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from msgspec import Meta
 
 from ascrcp.control.config import ControlConfig
+from ascrcp.control.steer_config import SteerConfig
 from ascrcp.control.tracker import Tracker
+from ascrcp.core.config import Struct
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.devices.lidar import Lidar, SweepConfig
@@ -14,8 +18,18 @@ from ascrcp.kinematics.arm import Arm
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.safety.gate import Gate
-from ascrcp.session.cycle import Link
+from ascrcp.session.cycle import Link, Stick
 from ascrcp.session.driver import Plant
+
+
+class ReportConfig(Struct):
+    """When a job counts as done: config/job.yaml.
+
+    Attributes:
+        sprayed_share: Least share of the planned points that must have been reached.
+    """
+
+    sprayed_share: Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 @dataclass(frozen=True)
@@ -39,6 +53,10 @@ class Setup:
         plant: The rig, None on a machine.
         truth: The rig's true nozzle pose, None on a machine.
         lockstep: Virtual time as fast as it goes (rig only), or the processor's clock.
+        steer: Settings of the joystick's steering.
+        stick: The operator's joystick and what follows it.
+        report: What a finished job must have reached.
+        reopen: Opens the bus anew after its adapter failed; only on the operator's reset (fault F33).
         manifest: What the round was made with, for the record.
         close: Releases bus, lidar and rig.
     """
@@ -59,5 +77,9 @@ class Setup:
     plant: Plant | None
     truth: Callable[[], Array] | None
     lockstep: bool
+    steer: SteerConfig
+    stick: Stick
+    report: ReportConfig
+    reopen: Callable[[], None]
     manifest: dict[str, Any]
     close: Callable[[], None]

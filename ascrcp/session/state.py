@@ -59,6 +59,7 @@ class JobState:
         done: Steps finished and still true.
         stopped: A stop is latched; only reset leads out.
         has_joystick: Whether a joystick is there for the semi-automatic run.
+        jogging: Whether the stick jogs the arm for set-up, outside the five steps.
     """
 
     mode: Mode = Mode.AUTOMATIC
@@ -66,6 +67,7 @@ class JobState:
     done: frozenset[Step] = frozenset()
     stopped: bool = True
     has_joystick: bool = False
+    jogging: bool = False
 
 
 class Refusal(Enum):
@@ -81,13 +83,14 @@ class Refusal(Enum):
         "Semi-automatic mode needs a joystick; none is connected.",
         "半自动模式需要摇杆；未连接摇杆。",
     )
+    JOG_NEEDS_JOYSTICK = ("A jog needs a joystick; none is connected.", "点动需要摇杆；未连接摇杆。")
 
 
 def refusal(state: JobState, step: Step) -> Refusal | None:
     """Return why a step may not start now, or None if it may."""
     if state.stopped:
         return Refusal.STOPPED
-    if state.active is not None:
+    if state.active is not None or state.jogging:
         return Refusal.BUSY
     needed = _NEEDS.get(step)
     if needed is not None and needed not in state.done:
@@ -95,6 +98,25 @@ def refusal(state: JobState, step: Step) -> Refusal | None:
     if step is Step.RUN and state.mode is Mode.SEMI_AUTOMATIC and not state.has_joystick:
         return Refusal.NEEDS_JOYSTICK
     return None
+
+
+def jog_refusal(state: JobState) -> Refusal | None:
+    """Return why the arm may not be jogged now, None if it may."""
+    if state.stopped:
+        return Refusal.STOPPED
+    if state.active is not None or state.jogging:
+        return Refusal.BUSY
+    return None if state.has_joystick else Refusal.JOG_NEEDS_JOYSTICK
+
+
+def start_jog(state: JobState) -> JobState:
+    """Begin a jog that `jog_refusal` allows: the arm leaves where the steps have brought it."""
+    return replace(state, jogging=True, done=state.done - {Step.ZERO, Step.GO_TO_START, Step.RUN})
+
+
+def end_jog(state: JobState) -> JobState:
+    """The jog is over."""
+    return replace(state, jogging=False)
 
 
 def start(state: JobState, step: Step) -> JobState:
@@ -116,7 +138,7 @@ def abandon(state: JobState) -> JobState:
 
 def stop(state: JobState) -> JobState:
     """A stop is latched: whatever was going on has ended."""
-    return replace(state, active=None, stopped=True)
+    return replace(state, active=None, jogging=False, stopped=True)
 
 
 def reset(state: JobState) -> JobState:
@@ -126,4 +148,4 @@ def reset(state: JobState) -> JobState:
 
 def choose_mode(state: JobState, mode: Mode) -> JobState:
     """Change the mode at rest; a step under way keeps its mode."""
-    return state if state.active is not None else replace(state, mode=mode)
+    return state if state.active is not None or state.jogging else replace(state, mode=mode)

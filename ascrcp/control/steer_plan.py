@@ -1,0 +1,218 @@
+"""The surface the joystick moves on: SprayPath + solved JointSequence -> SteerPlan.
+
+The planned passes become the rows of a mesh, uniform in the section angle. Each node carries the pose
+between the two planned points around it and joints that reach it exactly; it is steerable where the
+points beside it are solved on one branch, within the joints' ranges and clear of the surroundings.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.control.steer_config import SteerConfig
+from ascrcp.control.steer_pose import find_joints
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import JointSequence, SprayPath
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm
+
+Clear = Callable[[Array], NDArray[np.bool_]]
+"""Tells which joint vectors (n, joints) keep clear of the surroundings."""
+
+CONVERGED_M = 1e-3
+"""A node whose joints miss its pose by more is left out [m], and [rad]."""
+
+
+BETWEEN = (0.25, 0.5, 0.75)
+"""Where between two rows the way across is tried."""
+
+
+@dataclass(frozen=True)
+class SteerPlan:
+    """A mesh of rows (passes) and columns (section angles).
+
+    Attributes:
+        angle: Section angle of the columns [rad], uniform step, shape (a,).
+        q: Joints [rad, m], NaN where not steerable, shape (r, a, joints).
+        position: Nozzle [m], base frame, NaN where nothing is planned, shape (r, a, 3).
+        direction: Unit spray direction, shape (r, a, 3).
+        node: Steerable nodes, shape (r, a).
+        cross: Whether the nozzle may cross from row i to i + 1 in this column, shape (r - 1, a).
+        point: Nearest planned point of each node, -1 if none, shape (r, a).
+    """
+
+    angle: Array
+    q: Array
+    position: Array
+    direction: Array
+    node: NDArray[np.bool_]
+    cross: NDArray[np.bool_]
+    point: NDArray[np.int64]
+
+    def nearest(self, position: Array) -> tuple[int, int]:
+        """Return row and column of the steerable node nearest to a nozzle position [m].
+
+        Raises:
+            InputError: No node is steerable.
+        """
+        if not self.node.any():
+            raise InputError("no part of the plan can be steered: no two neighbouring points are solved")
+        distance = np.linalg.norm(self.position - position, axis=-1)
+        distance[~self.node] = np.inf
+        row, column = np.unravel_index(int(distance.argmin()), distance.shape)
+        return int(row), int(column)
+
+
+def build_steer_plan(
+    arm: Arm,
+    path: SprayPath,
+    sequence: JointSequence,
+    config: SteerConfig,
+    payload_kg: float = 0.0,
+    clear: Clear | None = None,
+) -> SteerPlan:
+    """Mesh the planned points that have joints.
+
+    Args:
+        arm: The arm.
+        path: Planned points; which pass each belongs to.
+        sequence: Solved joints; its rows at planned points hold the pose as driven.
+        config: Mesh and limits.
+        payload_kg: Concrete in the hose [kg], for the sag.
+        clear: Tells which poses keep clear; None if nothing is known of the surroundings.
+
+    Raises:
+        InputError: Path and sequence do not belong together, or nothing is solved.
+    """
+    at = np.flatnonzero(sequence.point >= 0)
+    index = sequence.point[at]
+    if not len(index) or int(index.max()) >= len(path):
+        raise InputError(f"the joint sequence does not belong to this path of {len(path)} points")
+    rows = _find_rows(path, index)
+    radius = float(np.median(_arc_radius(path, index)))
+    step = config.step_m / max(radius, 0.1)
+    low, high = float(path.angle[index].min()), float(path.angle[index].max())
+    angle = low + step * np.arange(int((high - low) / step) + 1, dtype=np.float64)
+    shape = (len(rows), len(angle))
+    q = np.full((*shape, arm.n), np.nan)
+    position, direction = np.full((*shape, 3), np.nan), np.full((*shape, 3), np.nan)
+    point = np.full(shape, -1, np.int64)
+    for r, members in enumerate(rows):
+        row = at[np.isin(index, members)]
+        _mesh_row(sequence, path, row, angle, arm, config, (q[r], position[r], direction[r], point[r]))
+    node = _settle(arm, q, position, direction, payload_kg, clear)
+    cross = _bridge(arm, path, rows, q, position, direction, node, config, payload_kg, clear)
+    return SteerPlan(angle, q, position, direction, node, cross, point)
+
+
+def _arc_radius(path: SprayPath, index: NDArray[np.int64]) -> Array:
+    """Distance moved per section angle between neighbouring points of a pass [m/rad]."""
+    a, b = index[:-1], index[1:]
+    joined = (path.pass_index[a] == path.pass_index[b]) & (np.abs(path.angle[b] - path.angle[a]) > 1e-6)
+    a, b = a[joined], b[joined]
+    if not len(a):
+        raise InputError("no pass of the plan has two solved points side by side")
+    gap = np.linalg.norm(path.position[b] - path.position[a], axis=1)
+    return np.asarray(gap / np.abs(path.angle[b] - path.angle[a]))
+
+
+def _find_rows(path: SprayPath, index: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Group planned points into rows: one pass, or its two parts either side of the seam.
+
+    Overbreak passes come after those of the bays; within each the stations rise.
+    """
+    passes = []
+    for number in np.unique(path.pass_index[index]):
+        members = np.flatnonzero(path.pass_index == number)
+        passes.append((bool(path.overbreak[members[0]]), float(path.station[members].mean()), members))
+    passes.sort(key=lambda row: (row[0], row[1]))
+    rows: list[tuple[bool, float, NDArray[np.int64]]] = []
+    for is_pocket, station, members in passes:
+        if rows and not is_pocket and not rows[-1][0] and abs(rows[-1][1] - station) < 0.1:
+            before = rows[-1][2]
+            a, b = path.angle[before], path.angle[members]
+            if a.max() < b.min() or b.max() < a.min():
+                rows[-1] = (is_pocket, rows[-1][1], np.concatenate([before, members]))
+                continue
+        rows.append((is_pocket, station, members))
+    return [members for _, _, members in rows]
+
+
+def _mesh_row(
+    sequence: JointSequence,
+    path: SprayPath,
+    row: NDArray[np.int64],
+    angle: Array,
+    arm: Arm,
+    config: SteerConfig,
+    out: tuple[Array, Array, Array, NDArray[np.int64]],
+) -> None:
+    """Put poses and first joints onto one row's nodes, where both neighbours are solved on one branch."""
+    q, position, direction, point = out
+    order = row[np.argsort(path.angle[sequence.point[row]], kind="stable")]
+    members = sequence.point[order]
+    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
+    for a, b, i, j in zip(order[:-1], order[1:], members[:-1], members[1:], strict=True):
+        same = path.pass_index[i] == path.pass_index[j] and abs(int(i) - int(j)) == 1
+        if not same or not (np.abs(sequence.q[b] - sequence.q[a]) <= limit).all():
+            continue
+        begin, end = path.angle[i], path.angle[j]
+        at = np.flatnonzero((angle >= begin - 1e-9) & (angle <= end + 1e-9))
+        share = ((angle[at] - begin) / max(end - begin, 1e-9))[:, None]
+        q[at] = sequence.q[a] + share * (sequence.q[b] - sequence.q[a])
+        position[at] = sequence.position[a] + share * (sequence.position[b] - sequence.position[a])
+        d = sequence.direction[a] + share * (sequence.direction[b] - sequence.direction[a])
+        direction[at] = d / np.linalg.norm(d, axis=1, keepdims=True)
+        point[at] = np.where(share[:, 0] < 0.5, i, j)
+
+
+def _settle(
+    arm: Arm, q: Array, position: Array, direction: Array, payload_kg: float, clear: Clear | None
+) -> NDArray[np.bool_]:
+    """Bring the nodes' joints onto their poses; tell which succeeded, in range and clear."""
+    node: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(-1))
+    found, miss = find_joints(arm, q[node], position[node], direction[node], payload_kg)
+    good = (miss <= CONVERGED_M) & arm.within_limits(found)
+    if clear is not None and good.any():
+        good[good] = clear(found[good])
+    q[node] = found
+    node[node] = good
+    q[~node] = np.nan
+    return node
+
+
+def _bridge(
+    arm: Arm,
+    path: SprayPath,
+    rows: list[NDArray[np.int64]],
+    q: Array,
+    position: Array,
+    direction: Array,
+    node: NDArray[np.bool_],
+    config: SteerConfig,
+    payload_kg: float,
+    clear: Clear | None,
+) -> NDArray[np.bool_]:
+    """Tell where the nozzle may cross between neighbouring rows: one branch, and its middle reachable."""
+    cross: NDArray[np.bool_] = np.asarray(node[:-1] & node[1:])
+    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
+    for r in range(len(rows) - 1):
+        if bool(path.overbreak[rows[r][0]]) != bool(path.overbreak[rows[r + 1][0]]):
+            cross[r] = False
+    with np.errstate(invalid="ignore"):
+        np.logical_and(cross, (np.abs(q[1:] - q[:-1]) <= limit).all(-1), out=cross)
+        gap = np.linalg.norm(position[1:] - position[:-1], axis=-1)
+        np.logical_and(cross, gap <= config.row_gap_m, out=cross)
+    for share in BETWEEN:
+        a, b = 1.0 - share, share
+        there = (a * direction[:-1] + b * direction[1:])[cross]
+        there /= np.linalg.norm(there, axis=1, keepdims=True)
+        where = (a * position[:-1] + b * position[1:])[cross]
+        found, miss = find_joints(arm, (a * q[:-1] + b * q[1:])[cross], where, there, payload_kg)
+        good = (miss <= CONVERGED_M) & arm.within_limits(found)
+        if clear is not None and good.any():
+            good[good] = clear(found[good])
+        cross[cross] = good
+    return cross

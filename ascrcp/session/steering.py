@@ -1,0 +1,146 @@
+"""What the stick is given: a round's plan or a jog, made ready beside the control thread."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from ascrcp.control.steer import Kernel, Steering
+from ascrcp.control.steer_config import SteerConfig
+from ascrcp.control.steer_jog import CartesianJog, Distance, JointJog
+from ascrcp.control.steer_plan import SteerPlan, build_steer_plan
+from ascrcp.control.steer_surface import SteerSurface
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm, load_arm
+from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.obstacle import Obstacles
+from ascrcp.planning.parameter import Parameters as PlanningParameters
+from ascrcp.planning.table import read_joints, read_path
+from ascrcp.session.round import Round
+from ascrcp.session.stages import find_obstacles
+
+ROUNDING_M = 0.01
+"""The mesh lies between the planned points; so much less clearance than theirs is let pass [m]."""
+
+PLAN_ARRAYS = ("angle", "q", "position", "direction", "node", "cross", "point")
+
+Kind = Literal["plan", "nozzle", "joint"]
+
+
+@dataclass(frozen=True, eq=False)
+class SteerOrder:
+    """What the stick is to move, as ordered and recorded.
+
+    Attributes:
+        kind: Along the plan, the nozzle freely, or one joint.
+        plan: The surface, for "plan".
+        row, column: Node the arm stands on, for "plan".
+        joint: Number from 1, for "joint".
+        q: Joints as measured when it began [rad, m], for the jogs.
+    """
+
+    kind: Kind
+    plan: SteerPlan | None = None
+    row: int = 0
+    column: int = 0
+    joint: int = 0
+    q: tuple[float, ...] = ()
+
+
+def prepare_plan(
+    folder: Path,
+    machine: str,
+    planning: PlanningParameters,
+    config: SteerConfig,
+    payload_kg: float,
+    progress: Callable[[float], None] = lambda done: None,
+) -> SteerPlan:
+    """path.csv, joints.csv, surface.npz -> the surface the stick moves on; for the compute process.
+
+    Raises:
+        InputError: A file is missing or damaged, or nothing can be steered.
+    """
+    round_ = Round(folder)
+    arm = load_arm(machine)
+    path = read_path(round_.need("path", "plan"))
+    sequence = read_joints(round_.need("joints", "solve"))
+    around = find_obstacles(round_, arm, planning)
+    model = arm.description.clearance
+    progress(0.5)
+    clear = None
+    if around is not None and model is not None:
+        least = model.least - ROUNDING_M
+
+        def clear(q: Array) -> Any:
+            return clearance(arm, q, around).distance >= least
+
+    plan = build_steer_plan(arm, path, sequence, config, payload_kg, clear)
+    progress(1.0)
+    return plan
+
+
+def prepare_obstacles(
+    folder: Path,
+    machine: str,
+    planning: PlanningParameters,
+    progress: Callable[[float], None] = lambda done: None,
+) -> Obstacles | None:
+    """surface.npz -> what a jog keeps clear of, None without a scan; for the compute process."""
+    return find_obstacles(Round(folder), load_arm(machine), planning)
+
+
+class KernelMaker:
+    """Makes the kernel of an order; what is slow is done ahead, in the worker's thread."""
+
+    def __init__(
+        self,
+        arm: Arm,
+        config: SteerConfig,
+        payload_kg: float,
+        find_around: Callable[[], Obstacles | None] = lambda: None,
+    ) -> None:
+        """Args: find_around: gives the surroundings where nobody has set them, as in a replay."""
+        self._arm, self._config, self._payload = arm, config, payload_kg
+        self._find_around = find_around
+        self._around: Obstacles | None = None
+        self._has_around = False
+        self._ready: tuple[SteerOrder, Kernel] | None = None
+
+    def set_around(self, around: Obstacles | None) -> None:
+        """Give the surroundings for the jogs."""
+        self._around, self._has_around = around, True
+
+    def prepare(self, order: SteerOrder) -> None:
+        """Make a kernel now, for an order to come."""
+        self._ready = (order, self._make(order))
+
+    def take(self, order: SteerOrder) -> Kernel:
+        """Return the kernel of an order; quick if it was prepared."""
+        ready, self._ready = self._ready, None
+        return ready[1] if ready is not None and ready[0] is order else self._make(order)
+
+    def _make(self, order: SteerOrder) -> Kernel:
+        if order.kind == "plan":
+            assert order.plan is not None
+            steering = Steering(
+                SteerSurface(order.plan, self._arm, self._payload), self._config, self._arm.max_speed
+            )
+            steering.begin(order.row, order.column)
+            return steering
+        if not self._has_around:
+            self.set_around(self._find_around())
+        jog: CartesianJog | JointJog
+        if order.kind == "nozzle":
+            jog = CartesianJog(self._arm, self._config, self._payload, self._distance())
+        else:
+            jog = JointJog(self._arm, order.joint, self._config, self._payload, self._distance())
+        jog.begin(np.array(order.q))
+        return jog
+
+    def _distance(self) -> Distance | None:
+        around, arm = self._around, self._arm
+        if around is None or arm.description.clearance is None:
+            return None
+        return lambda q: float(clearance(arm, q, around).distance[0])
