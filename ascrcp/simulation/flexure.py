@@ -26,6 +26,10 @@ class Mode:
         self.deflection = 0.0
         self._rate = 0.0
 
+    def push(self, speed: float) -> None:
+        """Give it a knock: a change of its speed [m/s]."""
+        self._rate += speed
+
     def advance(self, acceleration: float, softness: float, step_s: float) -> None:
         """Advance one step.
 
@@ -50,23 +54,33 @@ class Mode:
 class Flexure:
     """Sag and vibration of the whole arm under a payload."""
 
-    def __init__(self, config: FlexureConfig, payload: float, payload_kg: float) -> None:
+    def __init__(self, config: FlexureConfig, reference_kg: float, payload_kg: float) -> None:
         """Prepare.
 
         Args:
             config: Parameters.
-            payload: Payload as a fraction of the reference payload.
-            payload_kg: The same in kg.
+            reference_kg: Payload for which the payload's sag holds.
+            payload_kg: Payload now.
         """
         self._config = config
-        self._sag = (config.sag_mm + config.payload_sag_mm * payload) * 1e-3
-        self._mass_factor = 1.0 / math.sqrt(1.0 + payload_kg / config.effective_mass_kg)
+        self._reference_kg = reference_kg
         self.vertical = Mode(config.vertical)
         self.lateral = Mode(config.lateral)
         self._last: tuple[float, float, float] | None = None
         self._velocity = (0.0, 0.0, 0.0)
         self._stroke = 0.0
         self._reach = config.reference_reach
+        self._sag, self._mass_factor = 0.0, 1.0
+        self.load(payload_kg)
+        self.vertical.deflection = 0.0  # it has long come to rest
+
+    def load(self, payload_kg: float) -> None:
+        """Hang another payload on: the arm swings from where it is to its new sag."""
+        c = self._config
+        before = self.sag(self._reach)
+        self._sag = (c.sag_mm + c.payload_sag_mm * payload_kg / self._reference_kg) * 1e-3
+        self.vertical.deflection += self.sag(self._reach) - before
+        self._mass_factor = 1.0 / math.sqrt(1.0 + payload_kg / c.effective_mass_kg)
 
     def advance(self, end: tuple[float, float, float], flow: float, step_s: float) -> None:
         """Advance the modes by one cycle.
@@ -96,6 +110,11 @@ class Flexure:
         shake = c.pump_shake * flow * math.sin(2.0 * math.pi * self._stroke)
         self.vertical.advance(az + shake, softness, step_s)
         self.lateral.advance(sideways, softness, step_s)
+
+    @property
+    def stroke(self) -> float:
+        """Where the concrete pump is in its stroke, 0..1."""
+        return self._stroke
 
     def sag(self, reach: float) -> float:
         """Compute the static sag, positive down [m], at a horizontal reach [m]."""

@@ -140,11 +140,15 @@ class Hydraulics:
 
     def __init__(self, config: ArmConfig, load_kg: float) -> None:
         self._config = config
-        self._payload = load_kg / config.payload_reference_kg
+        self.load(load_kg)
         self._step_s = config.substep_s
         self._loads = [joint.load for joint in config.joints.rows]
         self.actuators = [Actuator(joint, config.substep_s) for joint in config.joints.rows]
         self.oil = Oil(config.oil)
+
+    def load(self, payload_kg: float) -> None:
+        """Hang another payload on."""
+        self._payload = payload_kg / self._config.payload_reference_kg
 
     @property
     def q(self) -> tuple[float, ...]:

@@ -62,8 +62,8 @@ class Controller:
         return tuple(percent / 100.0 for valve in valves for percent in valve.values[1:])
 
     def pump(self, now_ns: int) -> float:
-        """Return the concrete flow the pump is told, fraction 0..1."""
-        if self.estop or self.tripped or not self._spray.is_fresh(now_ns, self._limit_ns):
+        """Return the concrete flow the pump is told, fraction 0..1: none unless the valves are enabled."""
+        if not self.enabled or not self._spray.is_fresh(now_ns, self._limit_ns):
             return 0.0
         return self._spray.values[1] / 100.0
 

@@ -223,6 +223,32 @@ class SprayConfig(Struct):
     time_constant_s: Positive
 
 
+class HoseConfig(Struct):
+    """Concrete in the hose beside the payload a run begins with.
+
+    Attributes:
+        fill_kg: What flowing concrete adds once the hose is full.
+        fill_s: Time constant of filling at full flow; without flow nothing changes.
+        surge_kg: Amplitude with which the pump's strokes make the load swing at full flow.
+    """
+
+    fill_kg: Annotated[float, msgspec.Meta(ge=0.0, le=300.0)]
+    fill_s: Positive
+    surge_kg: Annotated[float, msgspec.Meta(ge=0.0, le=50.0)]
+
+
+class BumpConfig(Struct):
+    """Knocks against the boom: hose, rebound, contact (thesis 5.2.2).
+
+    Attributes:
+        interval_s: Mean time between two; they come by chance.
+        speed: One sigma of the speed each gives the swinging boom [m/s].
+    """
+
+    interval_s: Positive
+    speed: NotNegative
+
+
 class ArmConfig(Struct):
     """The simulated arm.
 
@@ -240,6 +266,8 @@ class ArmConfig(Struct):
     flexure: FlexureConfig
     pan: PanConfig
     spray: SprayConfig
+    hose: HoseConfig
+    bump: BumpConfig
 
 
 class BusConfig(Struct):

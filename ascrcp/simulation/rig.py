@@ -18,6 +18,7 @@ from ascrcp.core.paths import CONFIG, RESOURCES
 from ascrcp.devices.bus import Bus
 from ascrcp.devices.codec import Codec
 from ascrcp.kinematics import Arm
+from ascrcp.simulation.burden import Burden
 from ascrcp.simulation.flexure import Flexure
 from ascrcp.simulation.hydraulics import DEG, Hydraulics
 from ascrcp.simulation.node import Controller, MachineNode, PanHead, SensorNode
@@ -27,6 +28,7 @@ from ascrcp.simulation.transducer import Backlash, TransducerArray
 FOLDER = CONFIG / "simulation"
 DBC = RESOURCES / "ascrcp.dbc"
 JOINTS = 8
+BURDEN = 3  # stream of chance of its own: what knocks the boom changes no other draw
 BATCH = 512  # random numbers drawn at once for losses on the bus
 
 
@@ -87,15 +89,15 @@ class Rig:
         """
         if len(arm.joints) != JOINTS:
             raise ConfigError(f"the rig has {JOINTS} joints, the arm {len(arm.joints)}")
-        if not 0.0 <= load_kg <= 500.0:
-            raise ConfigError(f"load_kg is {load_kg}, allowed 0..500 kg")
+        load_kg = _checked_load(load_kg)
         codec = codec or Codec(DBC)
         self._arm = arm
         self._bus = bus
         a = config.arm
         self._rng = np.random.default_rng(seed)
         self._hydraulics = Hydraulics(a, load_kg)
-        self._flexure = Flexure(a.flexure, load_kg / a.payload_reference_kg, load_kg)
+        self._flexure = Flexure(a.flexure, a.payload_reference_kg, load_kg)
+        self._burden = Burden(a.hose, a.bump, load_kg, np.random.default_rng([seed, BURDEN]))
         self._slew = Backlash(a.backlash_deg * DEG, self._hydraulics.q[0])
         self._transducers = TransducerArray(a.joints.rows, self._rng)
         self._controller = Controller(codec, config.bus)
@@ -137,10 +139,23 @@ class Rig:
         self._machine.advance(self._controller.pump(now_ns), CYCLE_S)
         self._pan.advance(CYCLE_S)
         self._settle()
+        self._weigh()
         x, y, z = self._T_mount[:3, 3].tolist()
         self._flexure.advance((x, y, z), self._machine.flow, CYCLE_S)
         self._bend()
         self._publish()
+
+    def _weigh(self) -> None:
+        """Let payload and knocks act."""
+        flexure, burden = self._flexure, self._burden
+        before = burden.kg
+        up, aside = burden.advance(self._machine.flow, flexure.stroke, CYCLE_S)
+        if burden.kg != before:
+            flexure.load(burden.kg)
+            self._hydraulics.load(burden.kg)
+        if up or aside:
+            flexure.vertical.push(up)
+            flexure.lateral.push(aside)
 
     def _bend(self) -> None:
         """Compute where sag and vibration put nozzle and lidar."""
@@ -201,6 +216,14 @@ class Rig:
             raise ConfigError(f"no frame {fault.frame}, only {', '.join(sorted(self._names.values()))}")
         self._faults[fault.frame] = fault
 
+    def set_load(self, payload_kg: float) -> None:
+        """Hang another payload on [kg], from the next cycle on.
+
+        Raises:
+            ConfigError: It is absurd.
+        """
+        self._burden.set(_checked_load(payload_kg))
+
     def clear_faults(self) -> None:
         """Take all planted faults away."""
         self._faults.clear()
@@ -239,3 +262,9 @@ class Rig:
     def T_base_mount(self) -> Array:  # noqa: N802, a transform's name (design.md section 1)
         """Return the pose of the lidar's mount as it really is, shape (4, 4)."""
         return self._T_lidar
+
+
+def _checked_load(load_kg: float) -> float:
+    if not 0.0 <= load_kg <= 500.0:
+        raise ConfigError(f"load_kg is {load_kg}, allowed 0..500 kg")
+    return load_kg
