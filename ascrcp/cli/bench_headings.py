@@ -188,10 +188,11 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
     speed = np.abs(np.diff(sequence.q, axis=0)) / np.diff(sequence.t)[:, None] / arm.max_speed
     free, moves, blocked = _moves(arm, sequence, case.obstacles, model.least)
     by_rule = follow_point_by_point(arm, compensate(arm, spray_pose(case.path)), arm.zero_pose)
-    paper, ours = (
-        float(peak_acceleration(arm, q, find_gaps(arm, path, q, config.nozzle_speed_m_s)).max())
-        for path, q in ((case.path, by_rule), (found.path, found.q))
-    )
+    speed_m_s = config.nozzle_speed_m_s
+    ours_gap = find_gaps(arm, found.path, found.q, speed_m_s)
+    ours_gap[found.break_before] = np.inf
+    ours = float(peak_acceleration(arm, found.q, ours_gap).max())
+    paper = float(peak_acceleration(arm, by_rule, find_gaps(arm, case.path, by_rule, speed_m_s)).max())
     kept = found.clearance[found.solved]
     return {
         "points": len(case.path),

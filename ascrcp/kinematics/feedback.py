@@ -23,6 +23,9 @@ RAISE = 4.0
 MOST = 4096.0
 """Largest such factor: beyond, the task's own stiffness would give way."""
 
+AGREED = 0.5
+"""Length of the mean of tilts over the mean of their lengths from which they lean one way."""
+
 LEAST_LEVER = 0.3
 """A link nearer to the sprayed point's axis than this gains nothing from a tilt [m]."""
 
@@ -121,6 +124,46 @@ def spread_tilt(tilt: Array, stretch: NDArray[np.int64], step: float) -> Array:
             if size - step > mine:
                 spread[i] = (size - step) / size * spread[j]
     return spread
+
+
+def soften_tilt(tilt: Array, stretch: NDArray[np.int64], reach: int) -> Array:
+    """Smooth tilts along the path without taking any point's own away.
+
+    A point tilted by itself throws the arm out and back within a second. So every point takes the largest
+    tilt within a few points, and then their mean: where all lean one way, that is no less than its own.
+
+    Args:
+        tilt: Rotation vectors [rad], shape (n, 3).
+        stretch: Number of the stroke each point belongs to, shape (n,).
+        reach: Points looked at to either side.
+
+    Returns:
+        Rotation vectors [rad], shape (n, 3).
+    """
+    if not tilt.any():
+        return tilt
+    n, size = len(tilt), np.linalg.norm(tilt, axis=1)
+    widest, most = tilt.copy(), size.copy()
+    pairs = [_shifted(n, k, stretch) for k in range(-reach, reach + 1) if k]
+    for mine, other in pairs:
+        larger = size[other] > most[mine]
+        widest[mine[larger]], most[mine[larger]] = tilt[other[larger]], size[other[larger]]
+    total, sizes, count = widest.copy(), most.copy(), np.ones(n)
+    for mine, other in pairs:
+        total[mine] += widest[other]
+        sizes[mine] += most[other]
+        count[mine] += 1.0
+    # leans that differ shorten their mean: it takes their mean size, for as far as they agree
+    length = np.linalg.norm(total, axis=1)
+    agreed = length > AGREED * sizes
+    return np.where(agreed, sizes / np.maximum(length, 1e-12), 1.0)[:, None] * total / count[:, None]
+
+
+def _shifted(n: int, k: int, stretch: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Points of one stroke that lie k apart: each and its partner."""
+    mine = np.arange(max(0, -k), min(n, n - k))
+    mine = mine[stretch[mine] == stretch[mine + k]]
+    return mine, mine + k
 
 
 def tilt_path(path: SprayPath, tilt: Array, stand_off: float) -> SprayPath:

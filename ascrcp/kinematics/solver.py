@@ -9,39 +9,32 @@ from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import make_barrier, no_emphasis
-from ascrcp.kinematics.candidate import Grid, find_candidates, find_rolls, make_grid
-from ascrcp.kinematics.clearance import clearance, rough_clearance
+from ascrcp.kinematics.candidate import make_grid
+from ascrcp.kinematics.clearance import clearance
 from ascrcp.kinematics.description import ClearanceModel, PathModel
 from ascrcp.kinematics.feedback import (
     add_tilt,
     find_lever,
     raise_weights,
+    soften_tilt,
     split_collisions,
     spread_tilt,
     tilt_path,
 )
-from ascrcp.kinematics.graph import find_chain
+from ascrcp.kinematics.first import TASK_TOLERANCE, FirstChain, is_reroll
+from ascrcp.kinematics.lean import LeanSearch
 from ascrcp.kinematics.obstacle import Obstacles
-from ascrcp.kinematics.rescue import Rescue, nearest_solved
+from ascrcp.kinematics.rescue import INSIST, Rescue, nearest_solved
 from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.seam import TURN, find_seam_tilt
-from ascrcp.kinematics.smooth import Keeper, make_cost, own_cost, smooth_chain
-from ascrcp.kinematics.spacing import STAND_OFF, distances, find_keys
+from ascrcp.kinematics.smooth import Keeper, make_cost, smooth_chain
+from ascrcp.kinematics.spacing import STAND_OFF, distances
 from ascrcp.kinematics.task import compute_error, project_task, spray_pose
 
 Progress = Callable[[float], None]
 
-ANCHORS = 24
-"""Key points at which every roll is tried; elsewhere only the rolls that were of use at some anchor."""
-
 LAST_REDUNDANT = 6
 """Last joint the redundant ones still move at a given pose: beyond, wrist and nozzle are tied to it."""
-
-TASK_TOLERANCE = 1e-6
-"""Largest miss of a solved point [m, rad]."""
-
-REROLL = np.pi / 2
-"""Step of a turning joint between neighbouring points beyond which it goes round the other way [rad]."""
 
 FEEDBACK_ROUNDS = 4
 """Rounds of collision feedback; placeholder, the third paper needs three steps at most."""
@@ -49,14 +42,20 @@ FEEDBACK_ROUNDS = 4
 FEEDBACK_SMOOTHING = 4
 """Smoothing rounds between them."""
 
-FEW = 16
-"""Key points with fewer candidates than this take over those of a neighbour; placeholder."""
+LOW_SHARE = 10.0
+"""A clearance short of the wanted by less than a cell of the field over this is taken as kept."""
 
-FOLLOW_ROUNDS = 5
-"""Newton rounds that carry a candidate over."""
+CUT = 0.05
+"""A new posture that the arm stops spraying for has to gain so many metres at each end; placeholder."""
 
-EDGE_ROUNDS = 3
-"""Choices of the chain while its edges still pass through something; placeholder."""
+SAME = 0.01
+"""Joints of two solutions of a point that differ by less [rad, m] go over into each other."""
+
+UNSOLVED = 1.0
+"""A point lost or won counts as so many metres of clearance."""
+
+SOFTENED = 3
+"""Points to either side over which a tilt is smoothed; placeholder."""
 
 
 class PathSolver:
@@ -70,9 +69,11 @@ class PathSolver:
         payload_kg: Concrete in the hose, for the sag.
         T: Its poses raised by the sag, theta1 = 0, shape (n, 4, 4).
         start: Joint vector the arm comes from, shape (joints,).
-        tilt: Rotation vectors from planned to solved [rad], base frame, shape (n, 3).
+        wanted_tilt: Rotation vectors that single points asked for [rad], base frame, shape (n, 3).
+        tilt: From planned to solved: these, smoothed along the path, shape (n, 3).
         obstacles, barrier: Surroundings, None if there are none.
         emphasis: Weight of keeping each link clear, shape (n, links).
+        cut: Where the arm changes its posture before a point on purpose, shape (n,).
     """
 
     def __init__(
@@ -88,9 +89,10 @@ class PathSolver:
         self.planned = self.path = path
         self.payload_kg, self.start = payload_kg, start
         self.T = compensate(arm, spray_pose(path), payload_kg)
-        self.tilt = np.zeros((len(path), 3))
+        self.tilt = self.wanted_tilt = np.zeros((len(path), 3))
         self.obstacles = obstacles
         self.barrier = None if obstacles is None else make_barrier(arm, obstacles)
+        self.cut = np.zeros(len(path), dtype=bool)
         self.emphasis = np.zeros((len(path), 0))
         if self.barrier is not None:
             self.emphasis = no_emphasis(self.barrier, len(path))
@@ -102,140 +104,47 @@ class PathSolver:
             Joint vectors, NaN where unsolved (n, joints), and the best posture found by itself for
             every point that was unsolved on the way (n, joints), which tells why it failed.
         """
-        q = self.start_chain(distances(self.T, self.model.far), report)
+        first = FirstChain(self.arm, self.model, self.cost, self.T, self.start, self.barrier)
+        q = first.find(distances(self.T, self.model.far), report)
         q = self.keep_good(self.smooth(q, report, 0.5, 0.65))
         q, best = self.rescue(self.keep_least(self.keep_clear(self.keep_side(q, report), report)), report)
         if self.barrier is not None:  # points that came back by themselves have had no feedback yet
             q, again = self.rescue(self.keep_least(self.keep_clear(q, report)), report)
             best = np.where(np.isfinite(again), again, best)
+            q = self.lean(q, report)
         # lone points may have come back on the other side of a stop
         q, again = self.rescue(self._settle(self.keep_side(q, report), q, report), report)
         return q, np.where(np.isfinite(again), again, best)
 
     def _settle(self, turned: Array, q: Array, report: Progress) -> Array:
-        """Smooth a last time; what is lost by it stays as it was, if its pose is still the same."""
+        """Smooth a last time; what is lost by it stays as it was."""
         smoothed = self.keep_least(self.keep_good(self.smooth(turned, report, 0.85, 1.0)))
-        spare = self.keep_least(self.keep_good(q))
-        return np.where(np.isfinite(smoothed), smoothed, spare)
+        return self._patch(smoothed, self._follow(q))
 
-    def start_chain(self, distance: Array, report: Progress) -> Array:
-        """Find a first chain: candidates at key points, the graph, the points between interpolated.
+    def _patch(self, q: Array, spare: Array) -> Array:
+        """Take the spare joints where q has none, and beside that for as far as the two differ.
 
-        Returns:
-            Joint vectors, NaN between key points that have no candidate, shape (n, joints).
+        A lost point filled in alone would throw the arm from one posture to another and back.
         """
-        keys = find_keys(distance, self.model.key_spacing)
-        grid = make_grid(self.arm, self.model)
-        anchors = keys[np.linspace(0, len(keys) - 1, min(len(keys), ANCHORS)).astype(int)]
-        rolls = find_rolls(self.arm, self.T[anchors], grid)
-        grid = grid.keep(rolls) if rolls.size else grid
-        report(0.1)
-        layers, price = self._find_layers(keys, grid, report)
-        usable = np.array([i for i, layer in enumerate(layers) if len(layer)], dtype=np.int64)
-        q = np.full((len(self.T), self.arm.n), np.nan)
-        if not usable.size:
-            return q
-        along = np.cumsum(np.where(np.isfinite(distance), distance, 0.0))
-        cuts = np.cumsum(~np.isfinite(distance))
-        chosen_keys = keys[usable]
-        gaps = np.concatenate([[np.inf], np.maximum(np.diff(along[chosen_keys]), 1e-3)])
-        gaps[1:][np.diff(cuts[chosen_keys]) > 0] = np.inf
-        chosen = self._choose([layers[i] for i in usable], [price[i] for i in usable], gaps)
-        report(0.5)
-        self._fill_between(q, chosen_keys, chosen, usable, along, cuts)
-        return q
-
-    def _find_layers(
-        self, keys: NDArray[np.int64], grid: Grid, report: Progress
-    ) -> tuple[list[Array], list[Array]]:
-        """Find the candidates of every key point and what each costs by itself."""
-        layers: list[Array] = []
-        for start in range(0, len(keys), 32):
-            layers += find_candidates(self.arm, self.T[keys[start : start + 32]], grid)
-            report(0.1 + 0.3 * min(1.0, (start + 32) / len(keys)))
-        layers = self._enrich(layers, keys)
-        price: list[Array] = []
-        for i, layer in enumerate(layers):
-            own = own_cost(self.arm, self.cost, layer) * self.model.key_spacing
-            if self.barrier is not None and len(layer):
-                near = rough_clearance(self.arm, layer, self.barrier.obstacles)
-                own = own + self.barrier.weight * np.maximum(self.barrier.soft - near, 0.0) ** 2
-                free = near > 0.0 if (near > 0.0).any() else near == near.max()
-                layers[i], own = layer[free], own[free]
-            price.append(own)
-        return layers, price
-
-    def _enrich(self, layers: list[Array], keys: NDArray[np.int64]) -> list[Array]:
-        """Carry candidates over from the nearest key point that has many to one that has few.
-
-        Where the nozzle's tilt axis turns parallel to the pitch axes (at the crown) the lance's
-        inclination changes fast with theta1, and the grid meets but few of the postures there are.
-        """
-        size = np.array([len(layer) for layer in layers])
-        rich, poor = np.flatnonzero(size >= FEW), np.flatnonzero(size < FEW)
-        if not rich.size or not poor.size:
-            return layers
-        from_layer = rich[np.abs(rich - poor[:, None]).argmin(axis=1)]
-        picks = [layers[j][np.linspace(0, size[j] - 1, FEW).astype(int)] for j in from_layer]
-        T = np.repeat(self.T[keys[poor]], FEW, axis=0)
-        q = project_task(self.arm, T, np.concatenate(picks), self.cost.metric, rounds=FOLLOW_ROUNDS)
-        good = (compute_error(self.arm, T, q).size <= TASK_TOLERANCE) & self.arm.within_limits(q)
-        enriched = list(layers)
-        for k, i in enumerate(poor):
-            mine = slice(k * FEW, (k + 1) * FEW)
-            enriched[i] = np.concatenate([layers[i], q[mine][good[mine]]])
-        return enriched
-
-    def _choose(self, layers: list[Array], price: list[Array], gaps: Array) -> Array:
-        """Choose the cheapest chain; where it would pass through something on the way, dearer ones.
-
-        Clearance between key points is looked at half-way and only on the chain chosen: a candidate
-        reached through something gets a price, and the choice is made again.
-        """
-        for _ in range(EDGE_ROUNDS):
-            chain = find_chain(
-                layers, price, np.sqrt(self.cost.metric), gaps, self.model.break_cost, self.start
-            )
-            chosen = np.array([layer[c] for layer, c in zip(layers, chain, strict=True)])
-            if self.obstacles is None:
-                break
-            joined = np.flatnonzero(np.isfinite(gaps[1:]) & ~self._is_reroll(chosen[:-1], chosen[1:]))
-            half = (chosen[joined] + chosen[joined + 1]) / 2.0
-            hit = joined[rough_clearance(self.arm, half, self.obstacles) < 0.0] + 1
-            if not hit.size:
-                break
-            for i in hit:
-                price[i][chain[i]] += self.model.break_cost
-        return chosen
-
-    def _fill_between(
-        self,
-        q: Array,
-        keys: NDArray[np.int64],
-        chosen: Array,
-        usable: NDArray[np.int64],
-        along: Array,
-        cuts: NDArray[np.int64],
-    ) -> None:
-        """Interpolate between neighbouring keys; across a break each half keeps its own key's joints."""
-        q[keys] = chosen
-        for i in range(len(keys) - 1):
-            a, b = keys[i], keys[i + 1]
-            if b <= a + 1 or usable[i + 1] != usable[i] + 1:
-                continue
-            inner = np.arange(a + 1, b)
-            share = (along[inner] - along[a]) / max(along[b] - along[a], 1e-9)
-            if cuts[a] != cuts[b]:
-                share = (cuts[inner] == cuts[b]).astype(float)
-            elif bool(self._is_reroll(chosen[i], chosen[i + 1])):
-                share = np.round(share)
-            q[inner] = chosen[i] + share[:, None] * (chosen[i + 1] - chosen[i])
+        lost = ~np.isfinite(q[:, 0])
+        differs = ~(np.abs(q - spare).max(axis=1) <= SAME) & np.isfinite(spare[:, 0])
+        edges = np.diff(differs, prepend=False) | ~np.isfinite(distances(self.T, self.model.far))
+        stretch = np.cumsum(edges)
+        taken = differs & (np.bincount(stretch, lost)[stretch] > 0)
+        return np.where(taken[:, None], spare, q)
 
     def smooth(
-        self, q: Array, report: Progress, begin: float, end: float, rounds: int | None = None
+        self,
+        q: Array,
+        report: Progress,
+        begin: float,
+        end: float,
+        rounds: int | None = None,
+        only: NDArray[np.bool_] | None = None,
     ) -> Array:
-        """Smooth the chain of solved points; the rest stays NaN."""
-        live = np.flatnonzero(np.isfinite(q[:, 0]))
+        """Smooth the chain of solved points, or only of those marked; the rest stays as it is."""
+        marked = np.ones(len(q), dtype=bool) if only is None else only
+        live = np.flatnonzero(marked & np.isfinite(q[:, 0]))
         if not live.size:
             return q
         rounds = rounds or self.model.smooth_rounds
@@ -245,7 +154,7 @@ class PathSolver:
             self.cost,
             self.T[live],
             q[live],
-            self._gaps(q[live], self.T[live]),
+            self._gaps(q[live], live),
             self.model.curvature_weight,
             rounds,
             lambda done: report(begin + (end - begin) * done / rounds),
@@ -309,11 +218,85 @@ class PathSolver:
 
     def _tilt(self, more: Array, model: ClearanceModel) -> None:
         step, limit = np.radians(model.tilt_step_deg), np.radians(model.tilt_limit_deg)
-        tilt = add_tilt(self.tilt, more, self.planned.direction, step, limit)
+        asked = np.asarray(more.any(axis=1))
+        raised = add_tilt(self.tilt, more, self.planned.direction, step, limit)
+        self.wanted_tilt = np.where(asked[:, None], raised, self.wanted_tilt)
         strokes = np.cumsum(~np.isfinite(distances(self.T, self.model.far)))
-        self.tilt = spread_tilt(tilt, strokes, step)
+        self.tilt = soften_tilt(spread_tilt(self.wanted_tilt, strokes, step), strokes, SOFTENED)
+        self._aim()
+
+    def _aim(self) -> None:
+        """Take the tilts into path and targets."""
         self.path = tilt_path(self.planned, self.tilt, STAND_OFF)
         self.T = compensate(self.arm, spray_pose(self.path), self.payload_kg)
+
+    def lean(self, q: Array, report: Progress) -> Array:
+        """Look at the whole cone of spray directions for points still unsolved or too near to something.
+
+        Where that gains nothing in a stretch, it stays as it was.
+        """
+        model, barrier = self.arm.description.clearance, self.barrier
+        if model is None or barrier is None:
+            return q
+        before = self._free(q)
+        rows = np.flatnonzero(before < model.wanted - model.cell / LOW_SHARE)
+        if not rows.size:
+            return q
+        limit = float(np.radians(model.tilt_limit_deg))
+        grid = make_grid(self.arm, self.model)
+        search = LeanSearch(
+            self.arm, self.model, self.cost, grid, barrier, model.wanted, limit, STAND_OFF, self.payload_kg
+        )
+        gaps = distances(self.T, self.model.far)
+        strokes = np.cumsum(~np.isfinite(gaps))
+        near = nearest_solved(q, rows, self.start)
+        found = search.find(self.planned, rows, gaps[rows], near, self.tilt[rows])
+        hit = np.isfinite(found.q[:, 0])
+        rows, old_wanted, old_tilt = rows[hit], self.wanted_tilt, self.tilt
+        self.wanted_tilt, self.emphasis = self.wanted_tilt.copy(), self.emphasis.copy()
+        self.wanted_tilt[rows] = found.tilt[hit]
+        self.emphasis[rows] = np.maximum(self.emphasis[rows], INSIST)
+        self._tilt(np.zeros_like(self.tilt), model)
+        tried = q.copy()
+        tried[rows] = found.q[hit]
+        old_cut = self.cut
+        self.cut = old_cut | self._find_cuts(tried, gaps, rows)
+        touched = np.isin(strokes, strokes[rows])
+        tried = self.keep_least(self.keep_good(self.smooth(tried, report, 0.8, 0.85, only=touched)))
+        tried = self._patch(tried, self._follow(q))
+        # where a stretch of changed tilts gained nothing, it goes back to what it was
+        new = self._find_cuts(tried, gaps, rows) & ~old_cut
+        self.cut = old_cut | new
+        worth = [np.clip(free, -UNSOLVED, model.wanted) for free in (before, self._free(tried))]
+        gain = worth[1] - worth[0] - CUT * (new | np.append(new[1:], False))
+        changed = (self.tilt != old_tilt).any(axis=1) | np.isin(np.arange(len(q)), rows)
+        stretch = np.cumsum(np.diff(changed, prepend=False) | np.diff(strokes, prepend=0).astype(bool))
+        worse = changed & (np.bincount(stretch, gain)[stretch] <= 0.0)
+        self.cut = np.where(worse | np.append(False, worse[:-1]), old_cut, self.cut)
+        self.wanted_tilt[worse], self.tilt = old_wanted[worse], np.where(worse[:, None], old_tilt, self.tilt)
+        self._aim()
+        return np.where(worse[:, None], q, tried)
+
+    def _follow(self, q: Array) -> Array:
+        """Carry joints over to targets that were tilted a little since; NaN where that fails."""
+        live = np.flatnonzero(np.isfinite(q[:, 0]))
+        carried = np.full_like(q, np.nan)
+        carried[live] = project_task(self.arm, self.T[live], q[live], self.cost.metric)
+        return self.keep_least(self.keep_good(carried))
+
+    def _find_cuts(self, q: Array, gaps: Array, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """Mark where points (m,) have another posture than their neighbours, which smoothing would undo."""
+        step = (self.cost.metric * np.diff(q, axis=0, prepend=q[:1]) ** 2).sum(axis=1)
+        beside = np.isin(np.arange(len(q)), np.concatenate([rows, rows + 1]))
+        return np.asarray(beside & (step > self.model.break_cost * gaps))
+
+    def _free(self, q: Array) -> Array:
+        """Measure what every point keeps clear [m], minus infinity where it is unsolved, shape (n,)."""
+        live = np.isfinite(q[:, 0])
+        free = np.full(len(q), -np.inf)
+        if self.obstacles is not None and live.any():
+            free[live] = clearance(self.arm, q[live], self.obstacles).distance
+        return free
 
     def keep_least(self, q: Array) -> Array:
         """Set points that come nearer to anything than the least clearance to NaN."""
@@ -326,16 +309,12 @@ class PathSolver:
         kept[live[near]] = np.nan
         return kept
 
-    def _gaps(self, x: Array, T: Array) -> Array:
+    def _gaps(self, x: Array, rows: NDArray[np.int64]) -> Array:
         """Distances along the chain of solved points, infinite where it cannot be continuous."""
-        gaps = distances(T, self.model.far)
-        gaps[1:][self._is_reroll(x[:-1], x[1:])] = np.inf
+        gaps = distances(self.T[rows], self.model.far)
+        gaps[1:][is_reroll(self.arm, x[:-1], x[1:])] = np.inf
+        gaps[np.diff(np.cumsum(self.cut)[rows], prepend=0) > 0] = np.inf
         return gaps
-
-    def _is_reroll(self, a: Array, b: Array) -> NDArray[np.bool_]:
-        """Tell where a turning joint goes round instead of along: no smoothing can join these."""
-        step = np.abs(b - a)
-        return np.asarray((step[..., ~self.arm.prismatic] > REROLL).any(axis=-1))
 
     def keep_good(self, q: Array) -> Array:
         """Set points that miss their target or break a limit to NaN."""
@@ -375,6 +354,7 @@ class PathSolver:
         live = np.flatnonzero(np.isfinite(q[:, 0]))
         gaps = distances(self.T[live], self.model.far)
         needed = (np.abs(np.diff(q[live], axis=0)) / self.arm.max_speed).max(axis=1, initial=0.0)
-        gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + self.model.reroll_s] = np.inf
+        allowed = np.where(np.diff(np.cumsum(self.cut)[live]) > 0, 0.0, self.model.reroll_s)
+        gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + allowed] = np.inf
         breaks[live] = ~np.isfinite(gaps)
         return breaks

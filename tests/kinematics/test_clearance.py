@@ -109,7 +109,7 @@ def test_closest_points_lie_the_distance_apart_and_on_link_and_obstacle():
     gap = np.linalg.norm(found.point_b - found.point_a, axis=1)
     np.testing.assert_allclose(gap, np.abs(found.distance), atol=1e-6)
     near = (found.obstacle <= Obstacle.BODY) & (found.distance > 0.0) & (found.distance < 0.5)
-    assert near.sum() > 20 and np.abs(obstacles.distance(found.point_b[near])).max() < 0.06
+    assert near.sum() > 20 and np.abs(obstacles.distance(found.point_b[near])).max() < 0.08
     start, end = make_body(arm).segments(arm, q)
     for i in range(len(q)):
         c = found.link[i]
@@ -167,6 +167,7 @@ def test_links_that_could_meet_are_checked_against_each_other():
     fields = {name: getattr(arm.description, name) for name in arm.description.__struct_fields__}
     fields["capsules"] = [*arm.description.capsules, extra]
     fields["self_pairs"] = [("boom", "post")]
+    fields["sag"] = None
     changed = type(arm)(ArmDescription(**fields))
     obstacles = Obstacles.from_surface(smooth_heading(radius=9.0), changed)
     found = clearance(changed, changed.zero_pose, obstacles)

@@ -18,6 +18,7 @@ from ascrcp.kinematics.feedback import (
     find_lever,
     raise_weights,
     rotation_matrices,
+    soften_tilt,
     split_collisions,
     spread_tilt,
     tilt_path,
@@ -88,6 +89,25 @@ def test_a_tilt_is_spread_in_steps_within_its_stroke():
     spread = np.linalg.norm(spread_tilt(tilt, stretch, STEP), axis=1) / STEP
     assert np.rint(spread).astype(int).tolist() == [0] * 7 + [1, 2, 3, 4, 3, 2, 1] + [0] * 6
     np.testing.assert_allclose(spread_tilt(tilt, stretch, STEP)[12], [0.0, 2 * STEP, 0.0])
+
+
+def test_softened_tilts_are_no_less_and_bend_less():
+    """A lean of one point among straight ones throws the nozzle out and back: that is what is smoothed."""
+    tilt = np.zeros((40, 3))
+    tilt[[9, 15, 16, 30], 1] = np.array([1.0, 2.0, 1.0, 5.0]) * STEP
+    stretch = np.repeat([0, 1], 20)
+    rough = spread_tilt(tilt, stretch, STEP)
+    soft = soften_tilt(rough, stretch, 3)
+    assert (soft[:, 1] >= rough[:, 1] - 1e-12).all() and soft.max() <= tilt.max() + 1e-12
+    bends = [np.abs(np.diff(values[:20, 1], n=2)).max() for values in (rough, soft)]
+    assert bends[1] < 0.5 * bends[0]
+    alone = np.where((stretch == 0)[:, None], rough, 0.0)
+    np.testing.assert_array_equal(soften_tilt(alone, stretch, 3)[:20], soft[:20])
+    assert not soften_tilt(alone, stretch, 3)[20:].any()
+    crossed = np.zeros((9, 3))
+    crossed[3], crossed[5] = [0.0, STEP, 0.0], [STEP, 0.0, 0.0]
+    size = np.linalg.norm(soften_tilt(crossed, np.zeros(9, dtype=int), 3), axis=1)
+    assert (size[[3, 5]] >= STEP - 1e-12).all()
 
 
 def test_links_before_the_wrist_are_avoidable_and_get_more_weight():
@@ -230,3 +250,21 @@ def test_obstacles_change_nothing_where_nothing_is_near():
     far, plain = solve_path(arm, path, arm.zero_pose, obstacles=wide), solve_path(arm, path, arm.zero_pose)
     assert not far.tilt.any()
     np.testing.assert_allclose(far.q, plain.q, atol=1e-6)
+
+
+def test_what_is_just_out_of_reach_is_sprayed_leaning():
+    arm = load_arm("kc")
+    wide = Obstacles.from_surface(smooth_heading(radius=18.0), arm)
+    for stretched, reached in ((2.3, True), (2.5, False)):
+        path = rings([12.0], 60.0, 120.0)
+        path = dataclasses.replace(path, position=path.position * [1.0, stretched, stretched])
+        assert not solve_path(arm, path, arm.zero_pose).solved.any()
+        found = solve_path(arm, path, arm.zero_pose, obstacles=wide)
+        assert found.solved.all() == reached and found.solved.any() == reached
+        if reached:
+            assert_on_path(arm, found.path, found)
+            assert np.degrees(found.tilt).min() > 0.0 and np.degrees(found.tilt).max() <= 15.0 + 1e-9
+            wall = found.path.position + found.path.direction
+            np.testing.assert_allclose(wall, path.position + path.direction, atol=1e-9)
+        else:
+            assert all(reason and "reach" in reason for reason in found.reasons)
