@@ -1,7 +1,7 @@
 """Parameters of planning with their allowed ranges, read from config/planning.yaml."""
 
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import Annotated, Any, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -120,6 +120,13 @@ def load_parameters(path: Path = CONFIG / "planning.yaml") -> Parameters:
 
 
 S = TypeVar("S", bound=Struct)
+
+
+def change(parameters: S, **values: object) -> S:
+    """Return parameters with some fields changed; `check_parameters` them before use."""
+    frozen: Any = parameters  # msgspec declares replace for its own class only, not for those made from it
+    changed: S = msgspec.structs.replace(frozen, **values)
+    return changed
 
 
 def check_parameters(parameters: S) -> S:

@@ -81,7 +81,7 @@ def _lay_pass(
     theta3 = spray_angle(normal)
     direction = spray_direction(np.radians(strip.tilt_deg), theta3)
     nozzle = point - parameters.stand_off_m * direction
-    nozzle = _withdraw(nozzle, direction, surface, raster, parameters.arch_clearance_m)
+    nozzle = withdraw(nozzle, direction, surface, raster, parameters.arch_clearance_m)
     keep = wall.sample(wall.unseen, station, along) <= parameters.bridge_m
     keep &= nozzle[:, 2] >= wall.floor_z + parameters.floor_clearance_m
     return _Pass(strip, point[keep], nozzle[keep], theta3[keep])
@@ -116,7 +116,7 @@ def spray_direction(theta2: float, theta3: Array) -> Array:
     return np.column_stack([np.full(len(theta3), np.cos(theta2)), s2 * np.cos(theta3), s2 * np.sin(theta3)])
 
 
-def _withdraw(nozzle: Array, direction: Array, surface: Surface, raster: Raster, clearance: float) -> Array:
+def withdraw(nozzle: Array, direction: Array, surface: Surface, raster: Raster, clearance: float) -> Array:
     """Draw nozzles back along their spray line until they keep clear of every arch's inner flange."""
     profile = surface.profile
     for _ in range(WITHDRAW_STEPS):

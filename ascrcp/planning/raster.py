@@ -76,13 +76,17 @@ class Raster:
     def _lean(self, arch: int | None) -> float:
         return 0.0 if arch is None else float(np.tan(np.radians(self._surface.arches[arch].lean_deg)))
 
+    @property
+    def seam(self) -> float | None:
+        """Arc length at which passes are parted [m]; None if they are left whole."""
+        if self._parameters.seam_deg is None:
+            return None
+        return float(np.interp(np.radians(self._parameters.seam_deg), self._angle, self._along))
+
     def _split(self, first: float, last: float) -> list[tuple[float, float]]:
         """Part an arc at the seam, right piece first: the nozzle's roll turns back once, not every pass."""
-        p = self._parameters
-        if p.seam_deg is None:
-            return [(first, last)]
-        seam = float(np.interp(np.radians(p.seam_deg), self._angle, self._along))
-        if not first < seam < last:
+        p, seam = self._parameters, self.seam
+        if seam is None or not first < seam < last:
             return [(first, last)]
         return [(first, seam), (min(seam + p.point_spacing_m, last), last)]
 

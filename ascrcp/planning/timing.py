@@ -225,7 +225,8 @@ def _spray(
     curve = Stroke(arm, q[stroke], position, direction)
     count = len(stroke) - 1
     nodes = np.interp(np.arange(SUBDIVISION * count + 1) / SUBDIVISION, np.arange(count + 1), curve.knots)
-    speed = _speed_law(arm, nodes, curve.solve(nodes), curve.pose(nodes)[0], parameters)
+    wanted = _wanted_speed(path.speed[stroke], parameters.nozzle_speed_m_s)
+    speed = _speed_law(arm, nodes, curve.solve(nodes), curve.pose(nodes)[0], wanted, parameters)
     times = np.concatenate([[0.0], np.cumsum(2.0 * np.diff(nodes) / (speed[:-1] + speed[1:]))])
     t, exact = _row_times(times[::SUBDIVISION], parameters.row_s)
     u = _invert(t, times, nodes, speed)
@@ -238,7 +239,21 @@ def _spray(
     return _Rows(t, rows_q, rows_p, rows_d, point, spraying)
 
 
-def _speed_law(arm: Arm, nodes: Array, q: Array, position: Array, parameters: TimingParameters) -> Array:
+def _wanted_speed(planned: Array, default: float) -> Array:
+    """Spread the speeds wanted on leaving the points of a stroke (k,) over its nodes [m/s].
+
+    Where two stretches meet the slower one counts: the pump lays less on the faster one while it speeds up.
+    """
+    leaving = np.where(planned > 0.0, planned, default)[:-1]
+    nodes = np.append(np.repeat(leaving, SUBDIVISION), leaving[-1])
+    knots = slice(SUBDIVISION, -1, SUBDIVISION)
+    nodes[knots] = np.minimum(leaving[1:], leaving[:-1])
+    return nodes
+
+
+def _speed_law(
+    arm: Arm, nodes: Array, q: Array, position: Array, wanted: Array, parameters: TimingParameters
+) -> Array:
     """Find the fastest path speed at the nodes [m/s] that keeps every limit, at rest at both ends.
 
     The classic two sweeps: the limit curve from speeds and bends, then forward and backward so
@@ -249,6 +264,7 @@ def _speed_law(arm: Arm, nodes: Array, q: Array, position: Array, parameters: Ti
         nodes: Path lengths [m], shape (m,).
         q: Joints there, shape (m, joints).
         position: Nozzle positions there [m], shape (m, 3).
+        wanted: Nozzle speed wanted there [m/s], shape (m,).
         parameters: Speeds and shares.
     """
     p = parameters
@@ -263,7 +279,7 @@ def _speed_law(arm: Arm, nodes: Array, q: Array, position: Array, parameters: Ti
     acceleration = p.acceleration_fraction * arm.max_acceleration
     limit = np.minimum.reduce(
         [
-            p.nozzle_speed_m_s / place_rate,
+            wanted / place_rate,
             (p.speed_fraction * arm.max_speed / (first + tiny)).min(axis=1),
             np.sqrt(CENTRIPETAL_SHARE * acceleration / (second + tiny)).min(axis=1),
         ]

@@ -24,6 +24,7 @@ class Wall:
         station: Stations of the rows [m], shape (ns,).
         along: Arc lengths of the columns [m], shape (na,).
         offset: Outward offset from the design line [m], finite, shape (ns, na).
+        raw: The same before its roughness is averaged, shape (ns, na).
         slope: d offset / d along of the more strongly smoothed wall, shape (ns, na).
         unseen: Distance to the nearest cell with a value [m], shape (ns, na).
         floor_z: Height of the floor in the section plane [m].
@@ -33,6 +34,7 @@ class Wall:
     station: Array
     along: Array
     offset: Array
+    raw: Array
     slope: Array
     unseen: Array
     floor_z: float
@@ -95,6 +97,7 @@ def fit_wall(surface: Surface, parameters: PlanningParameters) -> Wall:
         station=surface.station,
         along=surface.along,
         offset=_smooth(offset, parameters.position_smooth_m, step),
+        raw=offset,
         slope=np.gradient(_smooth(offset, parameters.normal_smooth_m, step), step[1], axis=1),
         unseen=unseen,
         floor_z=find_floor(surface),

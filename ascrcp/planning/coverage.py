@@ -1,0 +1,304 @@
+"""Passes that cover the wall evenly, deep places in layers first: Surface + Target -> Lines."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import SprayPath, Surface
+from ascrcp.core.geometry import Array, apply_transform
+from ascrcp.core.profile import section_angle
+from ascrcp.planning.deposition import Jet
+from ascrcp.planning.layer import count_layers, find_parts, smooth_wall, wall_before
+from ascrcp.planning.parameter import PlanningParameters, change
+from ascrcp.planning.path import spray_angle, spray_direction, withdraw
+from ascrcp.planning.process import ProcessParameters
+from ascrcp.planning.raster import Raster, Strip, spread
+from ascrcp.planning.target import Target
+from ascrcp.planning.wall import Wall
+
+LEAST_PASS_M = 0.30  # a shorter pass of a further layer is left to the last layer; one patch
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Points of all passes in spraying order, tunnel frame, n points.
+
+    Attributes:
+        nozzle: (s, y, z) [m], shape (n, 3).
+        wall: The points aimed at, shape (n, 3).
+        along: Their arc length [m], shape (n,).
+        theta2, theta3: Spray direction [rad], shape (n,).
+        bay: Index of the bay, shape (n,).
+        pass_index: Number of the pass, shape (n,).
+        layer: Layer, counted down to 1, the last, shape (n,).
+        overbreak: Whether the pass fills a deep place, shape (n,).
+    """
+
+    nozzle: Array
+    wall: Array
+    along: Array
+    theta2: Array
+    theta3: Array
+    bay: NDArray[np.int64]
+    pass_index: NDArray[np.int64]
+    layer: NDArray[np.int64]
+    overbreak: NDArray[np.bool_]
+
+    @property
+    def jet(self) -> Jet:
+        """Nozzles and directions."""
+        s2 = np.sin(self.theta2)
+        direction = np.column_stack([np.cos(self.theta2), s2 * np.cos(self.theta3), s2 * np.sin(self.theta3)])
+        return Jet(self.nozzle, direction)
+
+    def to_path(self, surface: Surface, speed: Array, flow: Array) -> SprayPath:
+        """Carry the nozzles into the base frame."""
+        T = surface.axis.T_base_tunnel
+        return SprayPath(
+            position=apply_transform(T, self.nozzle),
+            theta2=self.theta2,
+            theta3=self.theta3,
+            station=self.wall[:, 0],
+            angle=section_angle(self.wall[:, 1:]),
+            bay=self.bay,
+            pass_index=self.pass_index,
+            overbreak=self.overbreak,
+            R_base_tunnel=T[:3, :3],
+            speed=speed,
+            flow=flow,
+        )
+
+
+@dataclass(frozen=True)
+class _Pass:
+    """One pass: its line in the bay (or the arch it runs on), its layer and where it begins and ends."""
+
+    strip: Strip
+    layer: int
+    arch: int | None = None
+    beyond_seam: bool = False
+
+
+class Coverage:
+    """Lays the passes of one heading."""
+
+    def __init__(
+        self,
+        surface: Surface,
+        target: Target,
+        wall: Wall,
+        parameters: PlanningParameters,
+        process: ProcessParameters,
+        where: NDArray[np.bool_] | None = None,
+    ) -> None:
+        dose = process.dose
+        self._surface, self._target, self._wall, self._process = surface, target, wall, process
+        self._parameters = change(
+            parameters,
+            spray_radius_m=dose.pass_spacing_m,
+            edge_distance_m=min(dose.edge_m, dose.pass_spacing_m),
+            point_spacing_m=dose.point_spacing_m,
+        )
+        self._tilt_reach = parameters.spray_radius_m
+        self._raster = Raster(surface, self._parameters)
+        self._where = target.inside if where is None else where & target.inside
+        self.layers = count_layers(target, process)
+        self._walls: dict[int, Wall] = {}
+
+    def lines(self, progress: Callable[[float], None] | None = None) -> Lines:
+        """Lay all passes: further layers first, then the last one bay by bay, each arch after its bay.
+
+        Raises:
+            InputError: Not one point can be sprayed.
+        """
+        passes = [p for bay in range(len(self._surface.bays)) for p in self._deep(bay)]
+        for bay in range(len(self._surface.bays)):
+            passes += self._last(bay)
+        found = []
+        for number, one in enumerate(passes):
+            if progress is not None:
+                progress(number / len(passes))
+            points = self._lay(one)
+            if points is not None:
+                found.append((one, points))
+        if not found:
+            raise InputError(
+                "no point of the wall can be sprayed: all are unseen, within tolerance already, or nearer "
+                f"the floor than floor_clearance_m {self._parameters.floor_clearance_m} m"
+            )
+        return _join(found)
+
+    def _fractions(self, bay: int) -> Array:
+        """Places of the passes between the outermost ones of a bay, 0..1."""
+        stations = spread(*self._surface.bays[bay].station, self._parameters)
+        room = stations[-1] - stations[0]
+        return (stations - stations[0]) / room if room > 0.0 else np.array([0.5])
+
+    def _deep(self, bay: int) -> list[_Pass]:
+        """Lay the further layers of a bay, part by part, deepest first (thesis 3.3.4)."""
+        inside = self._bay_cells(bay) & self._where
+        deepest = int(self.layers[inside].max(initial=1))
+        passes: list[_Pass] = []
+        parts = find_parts(inside & (self.layers >= 2), self._target.cell) if deepest > 1 else []
+        for part in parts:
+            for layer in range(int(self.layers[part & inside].max(initial=1)), 1, -1):
+                here = [
+                    p & part for p in find_parts(part & inside & (self.layers >= layer), self._target.cell)
+                ]
+                for piece in here:
+                    passes += self._cover(bay, piece, layer)
+        return passes
+
+    def _last(self, bay: int) -> list[_Pass]:
+        """Lay the last layer of a bay, then the arch that ends it."""
+        inside = self._bay_cells(bay) & self._where
+        passes = self._cover(bay, inside, 1)
+        arch = self._surface.bays[bay].arch_after
+        return passes if arch is None else passes + self._on_arch(bay, arch)
+
+    def _on_arch(self, bay: int, arch: int) -> list[_Pass]:
+        """Lay the pass along an arch's inner flange, if it is to be covered."""
+        lid = self._target.arches[arch]
+        mine = np.abs(self._target.station[:, None] - lid.station) <= lid.half
+        columns = np.flatnonzero((self._target.arch & self._where & mine).any(axis=0))
+        if not len(columns) or not self._process.target.cover_arch_m > 0.0:
+            return []
+        first, last = self._target.along[[columns[0], columns[-1]]].tolist()
+        square = self._parameters.tilt_deg
+        return [
+            _Pass(Strip(bay, 1.0, piece, False, square, False), 1, arch, number > 0)
+            for number, piece in enumerate(self._pieces(first, last))
+        ]
+
+    def _cover(self, bay: int, mask: NDArray[np.bool_], layer: int) -> list[_Pass]:
+        """Lay an S over the cells of a mask; what lies beyond the seam is an S of its own."""
+        target = self._target
+        sides: tuple[list[_Pass], list[_Pass]] = ([], [])
+        for fraction in self._fractions(bay).tolist():
+            strip = Strip(bay, fraction, (0.0, 0.0), False, self._tilt(bay, fraction), layer > 1)
+            rows = np.rint((self._raster.stations(strip, target.along) - target.station[0]) / target.cell[0])
+            rows = np.clip(rows, 0, len(target.station) - 1).astype(np.int64)
+            on = mask[rows, np.arange(len(target.along))]
+            for first, last in self._runs(on, layer):
+                for number, piece in enumerate(self._pieces(first, last)):
+                    beyond = number > 0 or self._is_beyond(piece)
+                    side = sides[beyond]
+                    falling = len(side) % 2 == 1
+                    side.append(_Pass(_with_ends(strip, piece, falling), layer, None, beyond))
+        return [*sides[0], *sides[1]]
+
+    def _runs(self, on: NDArray[np.bool_], layer: int) -> list[tuple[float, float]]:
+        """First and last arc length of the runs of cells; the last layer also bridges what needs nothing."""
+        columns = np.flatnonzero(on)
+        if not len(columns):
+            return []
+        gap = self._process.target.patch_m / self._target.cell[1]
+        runs = np.split(columns, np.flatnonzero(np.diff(columns) > gap) + 1)
+        ends = [(float(self._target.along[r[0]]), float(self._target.along[r[-1]])) for r in runs]
+        return [(a, b) for a, b in ends if b - a >= LEAST_PASS_M - 1e-9]
+
+    def _pieces(self, first: float, last: float) -> list[tuple[float, float]]:
+        seam = self._raster.seam
+        if seam is None or not first + LEAST_PASS_M / 2 < seam < last - LEAST_PASS_M / 2:
+            return [(first, last)]
+        return [(first, seam), (seam, last)]
+
+    def _is_beyond(self, piece: tuple[float, float]) -> bool:
+        seam = self._raster.seam
+        return seam is not None and (piece[0] + piece[1]) / 2.0 > seam
+
+    def _tilt(self, bay: int, fraction: float) -> float:
+        """Choose theta2: oblique beside an arch and before the face, else square."""
+        ends, p = self._surface.bays[bay], self._parameters
+        length = ends.station[1] - ends.station[0]
+        place = p.edge_distance_m + fraction * (length - 2.0 * p.edge_distance_m)
+        before, after = place, length - place
+        near = self._process.dose.pass_spacing_m
+        if ends.arch_after is None and after < near and after < before:
+            return self._process.dose.face_tilt_deg
+        if ends.arch_before is not None and before < near and before < after:
+            return p.tilt_inner_deg
+        if ends.arch_after is not None and after < near and after < before:
+            return p.tilt_outer_deg
+        return p.tilt_deg
+
+    def _bay_cells(self, bay: int) -> NDArray[np.bool_]:
+        """Cells between the middles of the arches that end a bay."""
+        ends, target = self._surface.bays[bay], self._target
+        first, last = (
+            np.full(len(target.along), end) if arch is None else target.arches[arch].station
+            for end, arch in zip(ends.station, (ends.arch_before, ends.arch_after), strict=True)
+        )
+        row = target.station[:, None]
+        return np.asarray((row >= first) & (row < last) & ~target.arch)
+
+    def _wall_at(self, layer: int) -> Wall:
+        if layer not in self._walls:
+            offset = wall_before(self._target, self.layers, layer)
+            self._walls[layer] = smooth_wall(self._target, offset, self._wall, self._parameters)
+        return self._walls[layer]
+
+    def _lay(self, one: _Pass) -> tuple[Array, Array, Array, Array] | None:
+        """Thin, cut, normal, offset, leave out: nozzle, wall point, arc length, theta3 of a pass."""
+        p, wall = self._parameters, self._wall_at(one.layer)
+        fine = np.linspace(*one.strip.along, max(2, int(np.ceil(np.ptp(one.strip.along) / 0.05)) + 1))
+        place = wall.point(self._stations(one, fine), fine)
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+        count = max(2, int(np.ceil(length[-1] / p.point_spacing_m - 1e-9)) + 1)
+        along = np.interp(np.linspace(0.0, length[-1], count), length, fine)
+        along = along[::-1] if one.strip.falling else along
+        station = self._stations(one, along)
+        point = wall.point(station, along)
+        if one.arch is not None:
+            lid = self._target.arches[one.arch]
+            point = np.column_stack([station, self._surface.profile.point(along, lid.inner)])
+        limit = 0.0 if one.arch is not None else np.radians(p.normal_limit_deg)
+        theta3 = self._keep_side(spray_angle(wall.normal(station, along, limit)), one.beyond_seam)
+        direction = spray_direction(np.radians(one.strip.tilt_deg), theta3)
+        nozzle = point - p.stand_off_m * direction
+        nozzle = withdraw(nozzle, direction, self._surface, self._raster, p.arch_clearance_m)
+        keep = wall.sample(wall.unseen, station, along) <= p.bridge_m
+        keep &= nozzle[:, 2] >= wall.floor_z + p.floor_clearance_m
+        if keep.sum() < 2:
+            return None
+        return nozzle[keep], point[keep], along[keep], theta3[keep]
+
+    def _keep_side(self, theta3: Array, beyond: bool) -> Array:
+        """Hold directions on their side of the seam, where the nozzle's roll has its stop."""
+        if self._parameters.seam_deg is None:
+            return theta3
+        stop = np.pi - np.radians(self._parameters.seam_deg)
+        return np.minimum(theta3, stop) if beyond else np.maximum(theta3, stop)
+
+    def _stations(self, one: _Pass, along: Array) -> Array:
+        if one.arch is not None:
+            return self._raster.arch_station(one.arch, along)
+        return self._raster.stations(one.strip, along)
+
+
+def _with_ends(strip: Strip, along: tuple[float, float], falling: bool) -> Strip:
+    """Return a strip with other ends."""
+    return Strip(strip.bay, strip.fraction, along, falling, strip.tilt_deg, strip.overbreak)
+
+
+def _join(found: list[tuple[_Pass, tuple[Array, Array, Array, Array]]]) -> Lines:
+    sizes = [len(points[3]) for _, points in found]
+    nozzle, wall, along, theta3 = (np.concatenate([points[k] for _, points in found]) for k in range(4))
+
+    def spread_out(values: list[float]) -> Array:
+        return np.repeat(np.array(values), sizes)
+
+    return Lines(
+        nozzle=nozzle,
+        wall=wall,
+        along=along,
+        theta2=np.radians(spread_out([one.strip.tilt_deg for one, _ in found])),
+        theta3=theta3,
+        bay=spread_out([one.strip.bay for one, _ in found]).astype(np.int64),
+        pass_index=np.repeat(np.arange(len(found)), sizes),
+        layer=spread_out([one.layer for one, _ in found]).astype(np.int64),
+        overbreak=spread_out([one.strip.overbreak for one, _ in found]).astype(bool),
+    )

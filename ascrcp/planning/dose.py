@@ -1,0 +1,275 @@
+"""Choose how much concrete every stretch of the path lays: Lines + Target -> Dose.
+
+The growth of the wall is linear in the volumes laid, so the doses that bring the wall, averaged over
+patches, nearest to the wanted surface are found by a projected gradient on the sparse footprint matrix.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter
+from scipy.sparse import csr_matrix, hstack
+
+from ascrcp.core.geometry import Array
+from ascrcp.planning.coverage import Lines
+from ascrcp.planning.deposition import Jet, deposit
+from ascrcp.planning.layer import limit_layer, wall_before
+from ascrcp.planning.process import ProcessParameters
+from ascrcp.planning.target import Left, Target
+
+SAMPLES = (0.25, 0.75)  # of a stretch where its jet stands: 0.1 m apart, less than the footprint's deviation
+LEAST_LENGTH_M = 0.02  # a stretch on which the nozzle only turns
+EXPOSED = 0.45  # of the median exposure, below which a cell cannot be brought to the target; placeholder
+LAYER_SLACK = 1.5  # a stretch may lay so much more than its share of the layer limit: its neighbours lay less
+LEAST_YIELD = 0.3  # a stretch that loses more is not driven harder; placeholder
+ROUNDS = 4  # of weighting the excess: the set of patches that have one hardly changes any more
+OVER_SHARE = 0.25  # of the tolerance, beyond which an excess weighs more; placeholder
+WEIGHT_FLOOR = 0.25  # of a patch inside the part to spray: less has no mean worth meeting
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Stretches from point to point of the passes, m of them, and what a dose on each does to the wall.
+
+    Attributes:
+        first: Index of the point each begins at, shape (m,).
+        length: Way of the nozzle [m], shape (m,).
+        growth: Growth of each cell per metre of way and m3/m laid [m / (m3/m)], shape (cells, m).
+    """
+
+    first: NDArray[np.int64]
+    length: Array
+    growth: csr_matrix
+
+
+@dataclass(frozen=True)
+class Dose:
+    """What the stretches lay.
+
+    Attributes:
+        stretches: The stretches.
+        amount: Concrete pumped per metre of way [m3/m], shape (m,).
+    """
+
+    stretches: Stretches
+    amount: Array
+
+    @property
+    def volume(self) -> float:
+        """Concrete pumped [m3]."""
+        return float(self.amount @ self.stretches.length)
+
+
+def find_stretches(
+    lines: Lines,
+    jet: Jet,
+    reached: NDArray[np.bool_],
+    target: Target,
+    layers: NDArray[np.int64],
+    process: ProcessParameters,
+    progress: Callable[[float], None] | None = None,
+) -> Stretches:
+    """Find the stretches between reached points of one pass and reckon their footprints.
+
+    Args:
+        lines: All points, for pass and layer.
+        jet: The points as they will be driven, shape of lines.
+        reached: Points that are sprayed, shape (n,).
+        target: Grid.
+        layers: Layers of each cell.
+        process: Jet and rebound.
+        progress: Called with the fraction done.
+    """
+    same = (lines.pass_index[1:] == lines.pass_index[:-1]) & reached[1:] & reached[:-1]
+    first = np.flatnonzero(same)
+    length = np.linalg.norm(jet.position[first + 1] - jet.position[first], axis=1)
+    length = np.maximum(length, LEAST_LENGTH_M)
+    parts, order = [], []
+    kinds = np.unique(lines.layer[first])[::-1]
+    for number, layer in enumerate(kinds.tolist()):
+        if progress is not None:
+            progress(number / len(kinds))
+        mine = np.flatnonzero(lines.layer[first] == layer)
+        wall = wall_before(target, layers, layer)
+        each = [deposit(_between(jet, first[mine], share), target, wall, process) for share in SAMPLES]
+        parts.append(sum(each[1:], start=each[0]) * (1.0 / len(SAMPLES)))
+        order.append(mine)
+    if not parts:
+        return Stretches(first, length, csr_matrix((target.offset.size, 0)))
+    growth = hstack(parts).tocsc()[:, np.argsort(np.concatenate(order))]
+    return Stretches(first, length, csr_matrix(growth.multiply(length[None, :])))
+
+
+def _between(jet: Jet, first: NDArray[np.int64], share: float) -> Jet:
+    position = (1.0 - share) * jet.position[first] + share * jet.position[first + 1]
+    direction = (1.0 - share) * jet.direction[first] + share * jet.direction[first + 1]
+    return Jet(position, direction / np.linalg.norm(direction, axis=1, keepdims=True))
+
+
+def find_exposed(stretches: Stretches, lines: Lines, target: Target) -> NDArray[np.bool_]:
+    """Find the cells the last layer can bring to the target, shape (ns, na)."""
+    last = (lines.layer[stretches.first] == 1).astype(float)
+    exposure = (stretches.growth @ last).reshape(target.offset.shape)
+    lit = exposure[target.inside & (exposure > 0.0)]
+    if not len(lit):
+        return np.zeros(exposure.shape, dtype=bool)
+    return np.asarray(target.inside & (exposure >= EXPOSED * np.median(lit)))
+
+
+def solve_dose(
+    stretches: Stretches,
+    lines: Lines,
+    target: Target,
+    process: ProcessParameters,
+    mask: NDArray[np.bool_],
+) -> Dose:
+    """Find the doses that bring the wall nearest to the wanted surface, patch by patch.
+
+    Args:
+        stretches: Footprints.
+        lines: The points, for pass and layer.
+        target: Present and wanted surface.
+        process: Patch, layer limit, evenness.
+        mask: Cells that count, shape (ns, na).
+    """
+    unit = process.dose.pass_spacing_m  # a dose of one metre's layer: its width times one metre
+    matrix = stretches.growth * unit
+    back = csr_matrix(matrix.T)
+    need = target.offset - target.wanted
+    need = need - process.dose.hold_back * np.maximum(need, 0.0)
+    cell = target.cell
+    size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
+    weight = np.maximum(uniform_filter(mask.astype(float), size, mode="constant"), WEIGHT_FLOOR)
+    share = cell[0] * cell[1] / (unit * process.dose.point_spacing_m)
+
+    def patches(residual: Array) -> Array:
+        return np.asarray(uniform_filter(np.where(mask, residual, 0.0), size, mode="constant") / weight)
+
+    def adjoint(values: Array) -> Array:
+        return np.asarray(np.where(mask, uniform_filter(values / weight, size, mode="constant"), 0.0))
+
+    joined = np.diff(stretches.first) == 1
+    joined &= lines.pass_index[stretches.first[1:]] == lines.pass_index[stretches.first[:-1]]
+
+    def smoothed(u: Array) -> Array:
+        step = np.where(joined, np.diff(u), 0.0)
+        return np.asarray(np.concatenate([[0.0], step]) - np.concatenate([step, [0.0]]))
+
+    weight_of = np.where(mask, 1.0, 0.0)
+
+    def excess(u: Array) -> Array:
+        return patches((matrix @ u).reshape(need.shape) - need)
+
+    def gradient(u: Array) -> Array:
+        pull = back @ adjoint(weight_of * excess(u)).ravel()
+        return np.asarray(share * pull + process.dose.smooth * smoothed(u))
+
+    highest = _highest(stretches, lines, target, process) / unit
+    amount = descend(gradient, highest, np.zeros(len(highest)), process.dose.iterations)
+    for _ in range(ROUNDS):
+        # too thick weighs more than too thin, for it cannot be taken off
+        over = excess(amount) > process.target.tolerance_m * OVER_SHARE
+        weight_of = np.where(mask, np.where(over, process.dose.over_weight, 1.0), 0.0)
+        amount = descend(gradient, highest, amount, process.dose.iterations)
+    return Dose(stretches, _round_off(amount * unit, process))
+
+
+def descend(gradient: Callable[[Array], Array], highest: Array, start: Array, iterations: int) -> Array:
+    """Minimise a convex quadratic within 0..highest by an accelerated projected gradient.
+
+    Args:
+        gradient: Its gradient at u (m,).
+        highest: Upper bounds, shape (m,).
+        start: Where to begin, shape (m,).
+        iterations: Steps.
+    """
+    if not len(highest):
+        return highest
+    zero = gradient(np.zeros(len(highest)))
+    probe = np.ones(len(highest))
+    bound = 1.0
+    for _ in range(12):  # power iteration: the largest curvature
+        turned = gradient(probe) - zero
+        bound = float(np.linalg.norm(turned) / np.linalg.norm(probe))
+        probe = turned / np.linalg.norm(turned)
+    u = start
+    ahead, momentum = u, 1.0
+    for _ in range(iterations):
+        step = np.clip(ahead - gradient(ahead) / (1.05 * bound), 0.0, highest)
+        following = (1.0 + np.sqrt(1.0 + 4.0 * momentum**2)) / 2.0
+        if ((step - u) * (ahead - step)).sum() > 0.0:  # restart where the momentum points uphill
+            following = 1.0
+        ahead = step + (momentum - 1.0) / following * (step - u) if following > 1.0 else step
+        u, momentum = step, following
+    return u
+
+
+def _highest(stretches: Stretches, lines: Lines, target: Target, process: ProcessParameters) -> Array:
+    """Largest dose of each stretch [m3/m]: the layer limit, and the pump at the slowest nozzle.
+
+    A layer of limit d as wide as the passes are apart takes d times that width; what rebounds or passes
+    by comes on top.
+    """
+    area = np.asarray(stretches.growth.T @ target.area.ravel()) / stretches.length
+    column = np.rint((lines.along[stretches.first] - target.along[0]) / target.cell[1]).astype(np.int64)
+    layer = limit_layer(target, process.layer)[np.clip(column, 0, len(target.along) - 1)]
+    peak = LAYER_SLACK * layer * process.dose.pass_spacing_m / np.maximum(area, LEAST_YIELD)
+    return np.asarray(np.minimum(peak, process.spray.pump_m3_s / process.dose.speed_m_s[0]))
+
+
+def _round_off(amount: Array, process: ProcessParameters) -> Array:
+    """Leave out what is less than the pump can lay at the fastest nozzle."""
+    least = process.spray.pump_least * process.spray.pump_m3_s / process.dose.speed_m_s[1]
+    return np.where(amount < least / 2.0, 0.0, np.maximum(amount, least))
+
+
+def choose_speed(dose: Dose, lines: Lines, process: ProcessParameters) -> tuple[Array, Array]:
+    """Choose the pump step of every pass and the nozzle speed of every stretch.
+
+    The highest step is taken with which four fifths of a pass stay below the fastest nozzle: the rest
+    runs at the fastest nozzle with less flow.
+
+    Returns:
+        Nozzle speed [m/s] and flow (fraction of the pump's largest) on leaving each point, shape (n,);
+        flow 0 and the fastest nozzle where nothing is to be laid.
+    """
+    slowest, fastest = process.dose.speed_m_s
+    speed = np.full(len(lines.along), fastest)
+    flow = np.zeros(len(lines.along))
+    first, amount = dose.stretches.first, dose.amount
+    for number in np.unique(lines.pass_index[first]):
+        mine = np.flatnonzero(lines.pass_index[first] == number)
+        laid = amount[mine][amount[mine] > 0.0]
+        if not len(laid):
+            continue
+        steps = [
+            s
+            for s in process.spray.pump_steps
+            if s * process.spray.pump_m3_s / fastest <= np.quantile(laid, 0.2)
+        ]
+        step = steps[-1] if steps else process.spray.pump_steps[0]
+        wanted = step * process.spray.pump_m3_s / np.maximum(amount[mine], 1e-9)
+        chosen = np.clip(wanted, slowest, fastest)
+        speed[first[mine]] = chosen
+        flow[first[mine]] = np.clip(amount[mine] * chosen / process.spray.pump_m3_s, 0.0, 1.0)
+    return speed, flow
+
+
+def explain(
+    target: Target, planned: NDArray[np.bool_], reached: NDArray[np.bool_], low: NDArray[np.bool_]
+) -> NDArray[np.uint8]:
+    """Say why cells cannot be brought to the target, shape (ns, na).
+
+    Args:
+        target: What was to be sprayed.
+        planned: Cells exposed by all planned points.
+        reached: Cells exposed by the points the arm reaches.
+        low: Cells whose nozzle would be too near the floor.
+    """
+    left = target.left.copy()
+    left[target.inside & ~reached] = Left.ARM
+    left[target.inside & ~planned] = Left.SHADOW
+    left[target.inside & ~planned & low] = Left.FLOOR
+    return left

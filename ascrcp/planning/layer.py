@@ -1,0 +1,76 @@
+"""Layers: how often a place is sprayed so that no layer falls off, and the wall between two of them."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, gaussian_filter, label
+
+from ascrcp.core.geometry import Array
+from ascrcp.planning.parameter import PlanningParameters
+from ascrcp.planning.process import LayerParameters, ProcessParameters
+from ascrcp.planning.target import Target, mean_patch
+from ascrcp.planning.wall import Wall
+
+SMALLEST_M2 = 0.08  # a smaller part of a further layer is left to the last one; about a patch
+EVENNESS = 0.75  # mean over largest thickness of one layer: passes in a deep place are few and end in it
+OVERLAP_M = 0.06  # a layer's passes reach so far beyond where it is needed; half a footprint's core
+
+
+def limit_layer(target: Target, parameters: LayerParameters) -> Array:
+    """Thickest layer that stays up [m], by column, shape (na,): the wall's, overhead the crown's."""
+    up = np.clip(target.profile.normal(target.along)[:, 1], 0.0, 1.0) ** 2
+    return np.asarray(parameters.wall_m + (parameters.crown_m - parameters.wall_m) * up)
+
+
+def count_layers(target: Target, process: ProcessParameters) -> NDArray[np.int64]:
+    """Count the layers every cell needs, at least one, shape (ns, na)."""
+    thickness = mean_patch(
+        target.thickness, target.inside & ~target.arch, target.cell, process.target.patch_m
+    )
+    limit = limit_layer(target, process.layer)
+    need = np.nan_to_num(thickness)
+    layers = np.where(need <= limit, 1.0, np.ceil(need / (EVENNESS * limit) - 1e-9))
+    return np.maximum(layers, 1.0).astype(np.int64)
+
+
+def find_parts(mask: NDArray[np.bool_], cell: tuple[float, float]) -> list[NDArray[np.bool_]]:
+    """Split a layer into connected parts worth spraying, widened a little, by first row and column."""
+    reach = max(1, round(OVERLAP_M / min(cell)))
+    joined, count = label(binary_dilation(mask, iterations=reach), structure=np.ones((3, 3)))
+    parts = [joined == number for number in range(1, count + 1)]
+    return [part for part in parts if (mask & part).sum() * cell[0] * cell[1] >= SMALLEST_M2]
+
+
+def wall_before(target: Target, layers: NDArray[np.int64], layer: int) -> Array:
+    """The wall as it stands when a layer begins [m], shape (ns, na).
+
+    Args:
+        target: Present and wanted surface.
+        layers: Layers of each cell.
+        layer: The one about to be sprayed; the last one is 1.
+    """
+    left = np.minimum(layer, layers) / layers
+    return np.asarray(
+        np.where(target.arch, target.offset, target.wanted + (target.offset - target.wanted) * left)
+    )
+
+
+def smooth_wall(target: Target, offset: Array, wall: Wall, parameters: PlanningParameters) -> Wall:
+    """Make a wall of an intermediate surface, to be cut like the first one; arches are taken away."""
+    ds, da = target.cell
+    rock = np.where(target.arch, target.rock, offset)
+
+    def smooth(sigma: float) -> Array:
+        return np.asarray(gaussian_filter(rock, (sigma / ds, sigma / da), mode="nearest"))
+
+    station, along = np.meshgrid(target.station, target.along, indexing="ij")
+    unseen = wall.sample(wall.unseen, station.ravel(), along.ravel()).reshape(rock.shape)
+    return Wall(
+        profile=target.profile,
+        station=target.station,
+        along=target.along,
+        offset=smooth(parameters.position_smooth_m),
+        raw=rock,
+        slope=np.gradient(smooth(parameters.normal_smooth_m), da, axis=1),
+        unseen=unseen,
+        floor_z=wall.floor_z,
+    )

@@ -1,0 +1,141 @@
+"""What a plan will come to, finish, volume, time, rebound, what is left out: SprayPlan -> Prediction."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ascrcp.core.flow import JointSequence
+from ascrcp.core.geometry import Array
+from ascrcp.planning.process import ProcessParameters
+from ascrcp.planning.pump import laid_amount
+from ascrcp.planning.spray_plan import SprayPlan
+from ascrcp.planning.target import LEFT_TEXT, Left, mean_patch
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Predicted outcome; lengths in metres.
+
+    Attributes:
+        growth: Layer, shape (ns, na).
+        finish: Mean distance of each patch from the wanted surface, outward (too thin) positive, NaN where
+            not judged, shape (ns, na).
+        within: Share of the judged area within the tolerance.
+        thinnest: Largest lack of a patch, 0 if none lacks.
+        thickest: Largest excess of a patch, 0 if none has.
+        deviation: Standard deviation of the finish.
+        area: Judged area [m2].
+        wanted: Concrete wanted on it [m3].
+        laid: Concrete that sticks, wherever [m3].
+        pumped: Concrete pumped [m3].
+        layer: Thickest layer laid by one run of passes over a patch.
+        duration: Of the spraying [s]; with its moves if the sequence is known.
+        left: Area left out by reason [m2].
+    """
+
+    growth: Array
+    finish: Array
+    within: float
+    thinnest: float
+    thickest: float
+    deviation: float
+    area: float
+    wanted: float
+    laid: float
+    pumped: float
+    layer: float
+    duration: float
+    left: dict[str, float]
+
+    @property
+    def rebound(self) -> float:
+        """Share of the pumped concrete that does not stick."""
+        return 1.0 - self.laid / self.pumped if self.pumped > 0.0 else 0.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return plain values for plan.json; millimetres where the key says so."""
+        return {
+            "within_tolerance": self.within,
+            "finish_std_mm": 1e3 * self.deviation,
+            "thinnest_mm": 1e3 * self.thinnest,
+            "thickest_mm": 1e3 * self.thickest,
+            "area_m2": self.area,
+            "wanted_m3": self.wanted,
+            "laid_m3": self.laid,
+            "pumped_m3": self.pumped,
+            "rebound": self.rebound,
+            "thickest_layer_mm": 1e3 * self.layer,
+            "duration_s": self.duration,
+            "left_out_m2": self.left,
+        }
+
+
+def predict(plan: SprayPlan, process: ProcessParameters, sequence: JointSequence | None = None) -> Prediction:
+    """Predict the finish of a plan, by its own doses or by those its timed rows pump.
+
+    Args:
+        plan: The plan.
+        process: Patch, tolerance, corner, pump.
+        sequence: Its path, timed, with the pump's flow; None before it is solved.
+    """
+    target, stretches = plan.target, plan.dose.stretches
+    amount = plan.dose.amount
+    speed = plan.path.speed[stretches.first]
+    duration = float((stretches.length / np.maximum(speed, 1e-6)).sum())
+    if sequence is not None:
+        pump = process.spray.pump_m3_s
+        amount = laid_amount(sequence, stretches.first, stretches.length, len(plan.path), pump)
+        duration = sequence.duration
+    growth = plan.grown(amount)
+    finish = judge(plan, growth, process)
+    judged = np.isfinite(finish)
+    values, area = finish[judged], target.area[judged]
+    total = max(float(area.sum()), 1e-9)
+    mean = float((values * area).sum()) / total
+    return Prediction(
+        growth=growth,
+        finish=finish,
+        within=float(area[np.abs(values) <= process.target.tolerance_m].sum()) / total,
+        thinnest=float(np.max(values, initial=0.0)),
+        thickest=float(-np.min(values, initial=0.0)),
+        deviation=float(np.sqrt((area * (values - mean) ** 2).sum() / total)),
+        area=float(area.sum()),
+        wanted=float((target.thickness * target.area)[judged].sum()),
+        laid=float((growth * target.area).sum()),
+        pumped=float(amount @ stretches.length),
+        layer=_thickest_layer(plan, amount, process),
+        duration=duration,
+        left={
+            LEFT_TEXT[reason]: float(target.area[target.left == reason].sum())
+            for reason in Left
+            if reason not in (Left.NOT, Left.OUTSIDE) and (target.left == reason).any()
+        },
+    )
+
+
+def judge(plan: SprayPlan, growth: Array, process: ProcessParameters) -> Array:
+    """Average what is left of the wall before the wanted surface over patches [m], NaN where not judged."""
+    target, p = plan.target, process.target
+    inside = plan.exposed & target.inside
+    rows = np.flatnonzero((target.left != Left.OUTSIDE).any(axis=1))
+    if len(rows):
+        near = (target.station > target.station[rows[0]] + p.corner_m) & (
+            target.station < target.station[rows[-1]] - p.corner_m
+        )
+        inside = inside & near[:, None]
+    return mean_patch(target.offset - growth - target.wanted, inside, target.cell, p.patch_m)
+
+
+def _thickest_layer(plan: SprayPlan, amount: Array, process: ProcessParameters) -> float:
+    layer_of = plan.lines.layer[plan.dose.stretches.first]
+    thickest = 0.0
+    for layer in np.unique(layer_of).tolist():
+        one = mean_patch(
+            plan.grown(np.where(layer_of == layer, amount, 0.0)),
+            plan.exposed,
+            plan.target.cell,
+            process.target.patch_m,
+        )
+        thickest = max(thickest, float(np.nanmax(one, initial=0.0)))
+    return thickest

@@ -1,0 +1,58 @@
+"""What a second scan found on the grid of the target: points -> surface after spraying."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, median_filter
+
+from ascrcp.core.flow import Surface
+from ascrcp.core.geometry import Array
+from ascrcp.perception.raster import unroll
+from ascrcp.planning.target import Target
+
+BEFORE_M = 0.15  # echoes further before the wanted surface are no wall: people, dust, hose; placeholder
+BEHIND_M = 0.05  # and further behind the wall of the first scan; twice its roughness in a cell
+LEAST_POINTS = 2  # in a cell
+BRIDGE_CELLS = 2.5  # unseen cells no further than this from seen ones take their value
+
+
+def find_after(points: NDArray[np.float32], surface: Surface, target: Target) -> Array:
+    """Average the wall a second scan saw over the target's cells.
+
+    Args:
+        points: The second scan, registered onto the first, base frame [m], shape (n, 3).
+        surface: The first scan, recognised.
+        target: Grid, and the wall before spraying.
+
+    Returns:
+        Offset from the design line [m], NaN where not seen, shape (ns, na).
+    """
+    flat = unroll(points, surface.axis, surface.profile)
+    ds, da = target.cell
+    row = np.rint((flat.station - target.station[0]) / ds).astype(np.int64)
+    column = np.rint((flat.along - target.along[0]) / da).astype(np.int64)
+    shape = target.offset.shape
+    ok = flat.beside & (row >= 0) & (row < shape[0]) & (column >= 0) & (column < shape[1])
+    index, offset = (row * shape[1] + column)[ok], flat.offset[ok]
+    # an unseen pocket may be deeper than it was taken for
+    near = offset > target.wanted.ravel()[index] - BEFORE_M
+    near &= (offset < target.offset.ravel()[index] + BEHIND_M) | (
+        offset < surface.profile.overbreak_line + 1.0
+    ) & (~target.arch.ravel()[index] & (offset > target.wanted.ravel()[index]))
+    index, offset = index[near], offset[near]
+    count = np.bincount(index, minlength=target.offset.size)
+    mean = np.bincount(index, offset, minlength=target.offset.size) / np.maximum(count, 1)
+    after = np.where(count >= LEAST_POINTS, mean, np.nan).reshape(shape)
+    for mask in (target.arch, ~target.arch):
+        _bridge(after, mask)
+    return after
+
+
+def _bridge(after: Array, mask: NDArray[np.bool_]) -> None:
+    """Fill small holes of one kind of surface from their nearest neighbours, in place."""
+    seen = np.isfinite(after) & mask
+    if not seen.any():
+        return
+    far, nearest = distance_transform_edt(~seen, return_indices=True)
+    fill = mask & ~seen & (far <= BRIDGE_CELLS)
+    filled = after[tuple(nearest)]
+    after[fill] = median_filter(filled, 3, mode="nearest")[fill]

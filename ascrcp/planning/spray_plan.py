@@ -1,0 +1,193 @@
+"""Plan the whole spraying: Surface -> SprayPlan: passes, layers, doses, nozzle speed and pump flow."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import SprayPath, Surface
+from ascrcp.core.geometry import Array, apply_transform, inverse_transform
+from ascrcp.planning.coverage import Coverage, Lines
+from ascrcp.planning.deposition import Jet
+from ascrcp.planning.dose import (
+    Dose,
+    Stretches,
+    choose_speed,
+    explain,
+    find_exposed,
+    find_stretches,
+    solve_dose,
+)
+from ascrcp.planning.layer import count_layers
+from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
+from ascrcp.planning.process import ProcessParameters
+from ascrcp.planning.target import Left, Target, find_target, mean_patch
+from ascrcp.planning.wall import find_floor, fit_wall
+
+Progress = Callable[[float], None]
+RESPRAY_SHARE = 0.5  # of the tolerance: patches thinner than this get a second spraying; placeholder
+
+
+@dataclass(frozen=True)
+class SprayPlan:
+    """A planned spraying.
+
+    Attributes:
+        path: Nozzle poses with speed and flow.
+        lines: The same points in the tunnel frame, with their layers.
+        target: Present and wanted surface; its `left` says what cannot be covered, and why.
+        exposed: Cells the path can bring to the target, shape (ns, na).
+        dose: What each stretch lays.
+    """
+
+    path: SprayPath
+    lines: Lines
+    target: Target
+    exposed: NDArray[np.bool_]
+    dose: Dose
+
+    @property
+    def growth(self) -> Array:
+        """Predicted layer [m], shape (ns, na)."""
+        return self.grown(self.dose.amount)
+
+    def grown(self, amount: Array) -> Array:
+        """Layer that doses (m,) [m3/m] lay [m], shape (ns, na)."""
+        return np.asarray((self.dose.stretches.growth @ amount).reshape(self.target.offset.shape))
+
+
+def plan_spray(
+    surface: Surface,
+    parameters: PlanningParameters,
+    process: ProcessParameters,
+    after: Array | None = None,
+    progress: Progress | None = None,
+) -> SprayPlan:
+    """Plan a spraying, or a second one over what the first left too thin.
+
+    Args:
+        surface: Recognised heading, before any spraying.
+        parameters: Distances and angles.
+        process: Jet, rebound, wanted surface, layers, dose.
+        after: The surface a second scan found, on the target's grid, NaN where not seen (`rescan`); None
+            for the first spraying.
+        progress: Called with the fraction done; may raise to cancel.
+
+    Raises:
+        ConfigError: A parameter outside its range.
+        InputError: No bay, nothing seen, nothing left to spray.
+    """
+    parameters, process = check_parameters(parameters), check_parameters(process)
+    tell = progress or (lambda fraction: None)
+    if not surface.bays:
+        raise InputError("the heading has no bay to spray: at least one is needed")
+    wall = fit_wall(surface, parameters)
+    target = find_target(surface, wall, process, parameters.bridge_m)
+    where = None
+    if after is not None:
+        target = renew(target, after, surface.unsprayed, process.target.corner_m)
+        where = find_thin(target, process)
+        process = change(process, dose=change(process.dose, hold_back=0.0))
+    tell(0.1)
+    lines = Coverage(surface, target, wall, parameters, process, where).lines(lambda x: tell(0.1 + 0.3 * x))
+    everywhere = np.ones(len(lines.along), dtype=bool)
+    stretches = find_stretches(
+        lines,
+        lines.jet,
+        everywhere,
+        target,
+        count_layers(target, process),
+        process,
+        lambda x: tell(0.4 + 0.4 * x),
+    )
+    exposed = find_exposed(stretches, lines, target)
+    low = _is_low(surface, target, parameters)
+    target = replace(target, left=explain(target, exposed, exposed, low))
+    tell(0.8)
+    plan = _dosed(surface, lines, target, exposed, stretches, process)
+    tell(1.0)
+    return plan
+
+
+def replan(
+    plan: SprayPlan,
+    surface: Surface,
+    driven: SprayPath,
+    reached: NDArray[np.bool_],
+    process: ProcessParameters,
+) -> SprayPlan:
+    """Choose the doses anew for the poses the arm takes, without the points it does not reach.
+
+    Args:
+        plan: The plan whose path was solved.
+        surface: Its heading.
+        driven: The path as solved: poses may be tilted.
+        reached: Points that are sprayed, shape (n,).
+        process: As it was planned with.
+    """
+    T = inverse_transform(surface.axis.T_base_tunnel)
+    jet = Jet(apply_transform(T, driven.position), driven.direction @ T[:3, :3].T)
+    layers = count_layers(plan.target, process)
+    stretches = find_stretches(plan.lines, jet, reached, plan.target, layers, process)
+    exposed = find_exposed(stretches, plan.lines, plan.target) & plan.exposed
+    left = plan.target.left.copy()
+    left[plan.exposed & ~exposed] = Left.ARM
+    target = replace(plan.target, left=left)
+    found = _dosed(surface, plan.lines, target, exposed, stretches, process)
+    path = replace(driven, speed=found.path.speed, flow=found.path.flow)
+    return replace(found, path=path)
+
+
+def _dosed(
+    surface: Surface,
+    lines: Lines,
+    target: Target,
+    exposed: NDArray[np.bool_],
+    stretches: Stretches,
+    process: ProcessParameters,
+) -> SprayPlan:
+    met = np.asarray(stretches.growth.sum(axis=1)).reshape(exposed.shape) > 0.0
+    thick = target.offset - target.wanted <= 0.0
+    dose = solve_dose(stretches, lines, target, process, exposed | (target.inside & met & thick))
+    speed, flow = choose_speed(dose, lines, process)
+    return SprayPlan(lines.to_path(surface, speed, flow), lines, target, exposed, dose)
+
+
+def renew(target: Target, after: Array, unsprayed: tuple[float, float], corner: float) -> Target:
+    """Put the surface a second scan found in place of the present one.
+
+    What it did not see is left out, and so are the corners at the ends, where face and step are seen.
+    """
+    middle = (target.station > unsprayed[0] + corner) & (target.station < unsprayed[1] - corner)
+    seen = np.isfinite(after) & middle[:, None]
+    left = target.left.copy()
+    left[(left == Left.NOT) & ~seen] = Left.UNSEEN
+    offset = np.where(seen, after, target.wanted)
+    rock = np.where(target.arch, target.rock, offset)
+    return replace(target, offset=offset, rock=rock, left=left)
+
+
+def find_thin(target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
+    """Find the cells whose patch lacks more than the share of the tolerance that is worth a second spraying.
+
+    Raises:
+        InputError: There are none.
+    """
+    lack = mean_patch(target.offset - target.wanted, target.inside, target.cell, process.target.patch_m)
+    with np.errstate(invalid="ignore"):
+        thin = lack > RESPRAY_SHARE * process.target.tolerance_m
+    if not thin.any():
+        raise InputError(
+            f"nothing left to spray: every patch of {process.target.patch_m:g} m lacks less than "
+            f"{1e3 * RESPRAY_SHARE * process.target.tolerance_m:g} mm"
+        )
+    return np.asarray(thin)
+
+
+def _is_low(surface: Surface, target: Target, parameters: PlanningParameters) -> NDArray[np.bool_]:
+    """Mark cells before which a nozzle would stand too near the floor, shape (ns, na)."""
+    inside = surface.profile.point(target.along, -parameters.stand_off_m)[:, 1]
+    low = inside < find_floor(surface) + parameters.floor_clearance_m + parameters.point_spacing_m
+    return np.asarray(np.broadcast_to(low, target.offset.shape))

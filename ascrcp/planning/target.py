@@ -1,0 +1,187 @@
+"""The surface wanted: Surface -> Target, on an even grid of the unrolled wall, with what is left out."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation, gaussian_filter, map_coordinates, uniform_filter
+
+from ascrcp.core.flow import Surface
+from ascrcp.core.geometry import Array
+from ascrcp.core.profile import Profile
+from ascrcp.planning.process import ProcessParameters
+from ascrcp.planning.wall import Wall
+
+MARGIN_M = 0.5  # grid beyond the unsprayed part: what is sprayed past its ends is reckoned too
+BEFORE_M = 0.08  # what lies so far inside the arch line is no wall to be sprayed; placeholder
+GRAIN_SHARE = 0.5  # one sigma of the window over a cell's rock, in cells: neither alias nor blur
+
+
+class Left(IntEnum):
+    """Why a cell is not to be sprayed, or cannot be."""
+
+    NOT = 0
+    OUTSIDE = 1
+    UNSEEN = 2
+    FLOOR = 3
+    ARM = 4
+    SHADOW = 5
+    BEFORE = 6
+
+
+LEFT_TEXT = {
+    Left.OUTSIDE: "outside the part to spray",
+    Left.UNSEEN: "not seen by the scan",
+    Left.FLOOR: "the nozzle would be too near the floor",
+    Left.ARM: "the arm does not reach it, or not without coming too near to something",
+    Left.SHADOW: "in the shadow of an arch, or beyond the passes",
+    Left.BEFORE: "muck or something else lies before the wall",
+}
+
+
+@dataclass(frozen=True)
+class ArchLid:
+    """An arch as the spray meets it: middle station by column [m] (na,), half width, flanges' offsets [m]."""
+
+    station: Array
+    half: float
+    inner: float
+    outer: float
+
+
+@dataclass(frozen=True)
+class Target:
+    """Present and wanted surface on a grid; offsets from the design line [m], outward positive.
+
+    Attributes:
+        profile: Design profile.
+        station: Stations of the rows [m], even, shape (ns,).
+        along: Arc lengths of the columns [m], even, shape (na,).
+        rock: The wall, arches taken away, shape (ns, na).
+        offset: What the spray meets: rock, or an arch's inner flange, shape (ns, na).
+        wanted: The surface wanted, shape (ns, na).
+        arch: Cells on an arch, shape (ns, na).
+        left: `Left` of each cell, shape (ns, na).
+        arches: The arches.
+        area: Area of each cell at the wanted surface [m2], shape (ns, na).
+    """
+
+    profile: Profile
+    station: Array
+    along: Array
+    rock: Array
+    offset: Array
+    wanted: Array
+    arch: NDArray[np.bool_]
+    left: NDArray[np.uint8]
+    arches: tuple[ArchLid, ...]
+    area: Array
+
+    @property
+    def cell(self) -> tuple[float, float]:
+        """Size of a cell along the axis and along the arc [m]."""
+        return float(self.station[1] - self.station[0]), float(self.along[1] - self.along[0])
+
+    @property
+    def thickness(self) -> Array:
+        """Concrete wanted [m], never negative, shape (ns, na)."""
+        return np.asarray(np.maximum(self.offset - self.wanted, 0.0))
+
+    @property
+    def inside(self) -> NDArray[np.bool_]:
+        """Cells to be sprayed, shape (ns, na)."""
+        return np.asarray(self.left == Left.NOT)
+
+    def sample(self, grid: Array, station: Array, along: Array) -> Array:
+        """Read a grid at stations and arc lengths (n,), linearly between the cells' middles."""
+        ds, da = self.cell
+        place = [(station - self.station[0]) / ds, (along - self.along[0]) / da]
+        return np.asarray(map_coordinates(grid, place, order=1, mode="nearest"), dtype=float)
+
+
+def find_target(surface: Surface, wall: Wall, process: ProcessParameters, bridge: float) -> Target:
+    """Lay the grid and decide the surface wanted.
+
+    The wanted surface is the line of the process where the rock, averaged as the planner averages it,
+    lies outside it by the least cover; elsewhere it is the least cover over the rock. On arches it is
+    the least cover over the inner flange.
+
+    Args:
+        surface: Recognised heading.
+        wall: The same, smooth and without holes.
+        process: Line and covers.
+        bridge: Wall further than this from anything seen is left out [m].
+    """
+    profile, p = surface.profile, process.target
+    first, last = surface.unsprayed
+    station = _even(first - MARGIN_M, last + MARGIN_M, process.dose.cell_m)
+    along = _even(0.0, profile.length, process.dose.cell_m)
+    S, A = (x.ravel() for x in np.meshgrid(station, along, indexing="ij"))
+    shape = (len(station), len(along))
+    step = (wall.station[1] - wall.station[0], wall.along[1] - wall.along[0])
+    grain = GRAIN_SHARE * process.dose.cell_m
+    fine = gaussian_filter(wall.raw, (grain / step[0], grain / step[1]), mode="nearest")
+    rock = wall.sample(fine, S, A).reshape(shape)
+    smooth = wall.sample(wall.offset, S, A).reshape(shape)
+    arches = find_lids(surface, along)
+    arch = np.zeros(shape, dtype=bool)
+    offset = rock.copy()
+    wanted = np.minimum(p.line_m, smooth - p.cover_rock_m)
+    for lid, found in zip(arches, surface.arches, strict=True):
+        phi = np.degrees(profile.angle(along))
+        on = (np.abs(station[:, None] - lid.station) <= lid.half) & (smooth > lid.inner)
+        on &= (phi >= found.span_deg[0]) & (phi <= found.span_deg[1])
+        arch |= on
+        offset = np.where(on, lid.inner, offset)
+        wanted = np.where(on, lid.inner - p.cover_arch_m, wanted)
+    left = np.full(shape, Left.NOT, dtype=np.uint8)
+    left[(wall.sample(wall.unseen, S, A).reshape(shape) > bridge) & ~arch] = Left.UNSEEN
+    before = binary_dilation(smooth < profile.arch_line - BEFORE_M, iterations=2)
+    left[before & ~arch] = Left.BEFORE
+    left[(station < first) | (station > last)] = Left.OUTSIDE
+    radius = curvature_radius(profile, along)
+    area = process.dose.cell_m * (along[1] - along[0]) * (1.0 + wanted / radius)
+    return Target(profile, station, along, rock, offset, wanted, arch, left, arches, area)
+
+
+def find_lids(surface: Surface, along: Array) -> tuple[ArchLid, ...]:
+    """Describe the arches as the spray meets them."""
+    z = surface.profile.point(along)[:, 1]
+    height = z - surface.profile.point(np.linspace(0.0, surface.profile.length, 1001))[:, 1].max()
+    inner = surface.profile.arch_line
+    return tuple(
+        ArchLid(
+            a.station + np.tan(np.radians(a.lean_deg)) * height, a.width / 2.0, inner, inner + ARCH_DEPTH_M
+        )
+        for a in surface.arches
+    )
+
+
+ARCH_DEPTH_M = 0.15  # inner to outer flange: HW 150 class; placeholder
+
+
+def curvature_radius(profile: Profile, along: Array) -> Array:
+    """Radius of the design line at arc lengths (n,) [m]."""
+    arc = np.clip(np.searchsorted(profile.arc_starts, along, side="right") - 1, 0, len(profile.arcs) - 1)
+    return np.asarray(np.array([a.radius for a in profile.arcs])[arc])
+
+
+def mean_patch(grid: Array, mask: NDArray[np.bool_], cell: tuple[float, float], patch: float) -> Array:
+    """Average masked cells over a patch about every cell; NaN where less than half of it counts.
+
+    Args:
+        grid: Values, shape (ns, na).
+        mask: Cells that count.
+        cell: Size of a cell [m].
+        patch: Edge of the patch [m].
+    """
+    size = tuple(max(1, round(patch / c)) for c in cell)
+    weight = uniform_filter(mask.astype(float), size, mode="constant")
+    total = uniform_filter(np.where(mask, grid, 0.0), size, mode="constant")
+    return np.where(mask & (weight >= 0.5 - 1e-9), total / np.maximum(weight, 1e-9), np.nan)
+
+
+def _even(first: float, last: float, step: float) -> Array:
+    count = max(2, int(np.ceil((last - first) / step - 1e-9)))
+    return np.asarray(first + (np.arange(count) + 0.5) * (last - first) / count)
