@@ -63,6 +63,7 @@ class Options:
         load_kg: Concrete in the hose [kg].
         cloud: A cloud in place of the scan.
         profile: Design profile; the simulated tunnel's own if None.
+        control: Control parameters as a tuning wrote them; those shipped for the machine if None.
         lockstep: Virtual time.
         joystick: A stick in place of the configured one.
     """
@@ -73,6 +74,7 @@ class Options:
     load_kg: float = 0.0
     cloud: Path | None = None
     profile: Path | None = None
+    control: Path | None = None
     lockstep: bool = True
     joystick: Joystick | None = None
 
@@ -148,11 +150,11 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     arm = load_arm(options.machine)
     simulation = load_simulation(options.rig)
     profile = find_profile(options, simulation.tunnel)
-    can = _calibrated(load_can_config(), arm)
-    control = _control(arm)
+    can = calibrated_can(load_can_config(), arm)
+    control = load_control(arm, options.control)
     device = load(CONFIG / "devices" / "lidar.yaml", LidarDeviceConfig)
     perception, planning = load_perception(), load_planning()
-    gate, tracker = _gate(arm), Tracker(arm, control)
+    gate, tracker = open_gate(arm), Tracker(arm, control)
     codec = Codec(DBC)
     _check_bus(can)
     steer, report = load_steer_config(), load(CONFIG / "job.yaml", ReportConfig)
@@ -208,13 +210,14 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
 def open_replay(round_: Round, bus: ReplayBus) -> Cycle:
     """Put a fresh control cycle together as the round's was, on recorded frames."""
     arm = load_arm(str(round_.manifest().get("machine", "kc")))
-    can = _calibrated(load_can_config(), arm)
+    can = calibrated_can(load_can_config(), arm)
     link = MachineLink(bus, Codec(DBC), can, joints=arm.n)
-    control, steer = _control(arm), load_steer_config()
+    tuned = round_.manifest().get("control")
+    control, steer = load_control(arm, Path(str(tuned)) if tuned else None), load_steer_config()
     planning, payload_kg = load_planning(), float(round_.manifest().get("load_kg", 0.0))
     kernels = KernelMaker(arm, steer, payload_kg, lambda: find_obstacles(round_, arm, planning))
     stick = Stick(None, SteerTracker(control, steer, arm.n), kernels)
-    return Cycle(link, Tracker(arm, control), _gate(arm), arm.forward, stick=stick)
+    return Cycle(link, Tracker(arm, control), open_gate(arm), arm.forward, stick=stick)
 
 
 def open_joystick(config: JoystickConfig) -> Joystick:
@@ -230,7 +233,7 @@ def open_joystick(config: JoystickConfig) -> Joystick:
     return SetStick(config.stale_ms.screen)
 
 
-def _calibrated(can: CanConfig, arm: Arm) -> CanConfig:
+def calibrated_can(can: CanConfig, arm: Arm) -> CanConfig:
     """Shift the sensors' zeros by what a calibration found."""
     tree = to_builtins(can)
     for sensor, known, zero in zip(tree["sensors"], can.sensors, find_sensor_zero(arm), strict=True):
@@ -238,11 +241,13 @@ def _calibrated(can: CanConfig, arm: Arm) -> CanConfig:
     return convert(tree, CanConfig, f"machine {arm.name}: calibrated sensors")
 
 
-def _control(arm: Arm) -> ControlConfig:
-    return load(CONFIG / "control" / f"{arm.name}.yaml", ControlConfig)
+def load_control(arm: Arm, tuned: Path | None = None) -> ControlConfig:
+    """Read the machine's control parameters: as shipped, or as a tuning wrote them."""
+    return load(tuned or CONFIG / "control" / f"{arm.name}.yaml", ControlConfig)
 
 
-def _gate(arm: Arm) -> Gate:
+def open_gate(arm: Arm) -> Gate:
+    """Build the gate for an arm."""
     limits = Limits.of_arm(arm.joints, arm.max_speed.tolist())
     return Gate(limits, load(CONFIG / "safety.yaml", SafetyConfig))
 
@@ -274,6 +279,7 @@ def _manifest(options: Options, profile: Profile) -> dict[str, Any]:
         "load_kg": options.load_kg,
         "rig": str(options.rig) if options.rig else None,
         "cloud": str(options.cloud) if options.cloud else None,
+        "control": str(options.control) if options.control else None,
     }
 
 

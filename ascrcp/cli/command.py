@@ -19,6 +19,7 @@ from ascrcp.cli.output import FAILED, OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.survey import align_lidar, section, thickness
 from ascrcp.cli.table import result_table
+from ascrcp.cli.tune import tune
 from ascrcp.cli.workspace import workspace
 from ascrcp.core.errors import AscrcpError, InputError
 from ascrcp.core.geometry import Array
@@ -46,6 +47,7 @@ def app_options(options: Options, lockstep: bool) -> AppOptions:
         load_kg=options.load_kg,
         cloud=options.cloud,
         profile=options.profile,
+        control=options.control,
         lockstep=lockstep,
     )
 
@@ -233,6 +235,7 @@ COMMANDS: dict[str, Callable[[Options, Output], int]] = {
     "ik": inverse,
     "machines": machines,
     "calibrate": calibrate_machine,
+    "tune": tune,
     "workspace": workspace,
     "align": align_lidar,
     "thickness": thickness,

@@ -37,6 +37,7 @@ def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
     )
     group.add_argument("--cloud", type=Path, metavar="FILE", help="this cloud, in the base frame, not a scan")
     group.add_argument("--profile", type=Path, metavar="FILE", help="design profile of the tunnel")
+    group.add_argument("--control", type=Path, metavar="FILE", help="control parameters written by tune")
 
 
 def _default(wanted: bool, value: object) -> object:
@@ -119,6 +120,10 @@ def build_parser() -> argparse.ArgumentParser:
             stage.add_argument("which", nargs="?", default="all", choices=("all", *BENCHES))
         if name == "calibrate":
             _calibration(stage)
+        if name == "tune":
+            stage.add_argument(
+                "--out", type=Path, required=True, metavar="YAML", help="the new control parameters"
+            )
         if name == "workspace":
             _workspace(stage)
         if name == "thickness":
@@ -182,6 +187,7 @@ _STAGES: tuple[tuple[str, str, bool | None], ...] = (
     ("ik", "nozzle pose -> every joint solution", None),
     ("machines", "list the arms", None),
     ("calibrate", "measured tip positions -> machine file with fitted zeros, lengths and sag", None),
+    ("tune", "small motions over the bus -> control parameters of this machine", None),
     ("workspace", "what the arm reaches, and how much of a heading from this parking place", None),
     ("align", "find the pan head's zero from the lance in a round's scan", True),
     ("thickness", "layer between two scans of one wall, with its noise floor", True),
