@@ -6,7 +6,7 @@ import numpy as np
 
 from ascrcp.core.flow import JointSequence, SprayPath, Surface
 from ascrcp.core.geometry import Array
-from ascrcp.session.snapshot import Scene
+from ascrcp.session.snapshot import Scene, WallLayer
 
 SCENE_POINTS = 100_000  # of the thinned cloud; the surface holds them all
 
@@ -18,6 +18,8 @@ def change_scene(
     solved: object = None,
     clearance: Array | None = None,
     sequence: JointSequence | None = None,
+    predicted: WallLayer | None = None,
+    achieved: WallLayer | None = None,
 ) -> Scene:
     """Return a scene with parts replaced; a new path takes the sequence back, being another plan's."""
     scene = replace(scene, version=scene.version + 1)
@@ -34,6 +36,7 @@ def change_scene(
             path_direction=path.direction,
             clearance=np.zeros(0),
             sequence=None,
+            predicted=None,
         )
     if solved is not None:
         scene = replace(scene, solved=np.asarray(solved))
@@ -41,4 +44,8 @@ def change_scene(
         scene = replace(scene, clearance=clearance)
     if sequence is not None:
         scene = replace(scene, sequence=sequence)
+    if predicted is not None:
+        scene = replace(scene, predicted=predicted)
+    if achieved is not None:
+        scene = replace(scene, achieved=achieved)
     return scene

@@ -118,6 +118,15 @@ class Snapshot:
 
 
 @dataclass(frozen=True)
+class WallLayer:
+    """Values on the unrolled wall [m]: stations (ns,), arc lengths (na,), NaN unknown, shape (ns, na)."""
+
+    station: Array
+    along: Array
+    values: NDArray
+
+
+@dataclass(frozen=True)
 class Scene:
     """What the 3-D view draws besides the arm; replaced whole when a stage finishes.
 
@@ -132,6 +141,8 @@ class Scene:
         clearance: Distance to the surroundings at each planned point [m], NaN unknown, shape (m,) or empty.
         surface: The recognised surface, None before.
         sequence: The loaded joint sequence, None before: for the dry run on the screen.
+        predicted: Layer the plan will lay, None while nobody knows.
+        achieved: Layer that was laid, None while nobody knows.
     """
 
     version: int = 0
@@ -144,3 +155,5 @@ class Scene:
     path_direction: Array = field(default_factory=lambda: np.zeros((0, 3)))
     clearance: Array = field(default_factory=lambda: np.zeros(0))
     sequence: JointSequence | None = None
+    predicted: WallLayer | None = None
+    achieved: WallLayer | None = None
