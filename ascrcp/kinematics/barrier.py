@@ -19,7 +19,7 @@ class Sight:
     """How near every link of every joint vector is.
 
     Attributes:
-        distance: From each capsule's surface to the surroundings [m], shape (n, c).
+        distance: From each capsule's surface to the surroundings [m], rough beyond what pushes, (n, c).
         centre: The sample of its axis that is nearest, base frame [m], shape (n, c, 3).
     """
 
@@ -52,7 +52,7 @@ class Barrier:
 
     def _look(self, q: Array) -> tuple[Array, Array]:
         placed = self.body.place(self.arm, q)
-        distance, nearest = link_distances(self.body, placed, self.obstacles)
+        distance, nearest = link_distances(self.body, placed, self.obstacles, self.soft)
         return distance, np.take_along_axis(placed, nearest[..., None], axis=1)
 
     def cost(self, sight: Sight, emphasis: Array) -> Array:

@@ -5,6 +5,7 @@ in sag.py. A cantilever's middle drops by up to a fifth of the tip's sag more (1
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +68,9 @@ class Body:
     def _carry(self, arm: Arm, q: Array, joint: NDArray[np.int64], local: Array) -> Array:
         frames = arm.frames(q)
         placed = np.empty((len(q), len(local), 3))
-        for number in np.unique(joint):
-            mine = joint == number
+        ends = np.concatenate([[0], 1 + np.flatnonzero(np.diff(joint)), [len(joint)]]).tolist()
+        for first, last in pairwise(ends):
+            mine, number = slice(first, last), joint[first]
             if number == 0:
                 placed[:, mine] = local[mine]
                 continue

@@ -15,6 +15,9 @@ from ascrcp.kinematics.obstacle import Obstacle, Obstacles
 BLOCK = 512
 """Joint vectors looked at at once: their samples stay in the cache."""
 
+HALF_DIAGONAL = 0.87
+"""Most by which the distance at the nearest node is wrong, over a cell: the field's slope is one."""
+
 ROUGH_SPREAD = 2.0
 """Spacing of the samples of a rough look, over the usual one."""
 
@@ -80,21 +83,35 @@ def rough_clearance(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
     return found
 
 
-def link_distances(body: Body, placed: Array, obstacles: Obstacles) -> tuple[Array, NDArray[np.int64]]:
+def link_distances(
+    body: Body, placed: Array, obstacles: Obstacles, within: float | None = None
+) -> tuple[Array, NDArray[np.int64]]:
     """Find every capsule's nearest sample to the surroundings.
+
+    The field is read at the nearest node first, and between nodes only where that can matter.
 
     Args:
         body: The capsules.
         placed: Their samples, shape (n, m, 3).
         obstacles: The surroundings.
+        within: Distance below which every capsule's is exact [m]; None: only the least of each row is.
+            The others are wrong by up to a cell's half diagonal.
 
     Returns:
         Distances from the capsule's surface [m], infinite for those that stay with the carrier, shape
         (n, c), and the samples' indices, shape (n, c).
     """
     moving = body.is_moving[body.owner]
+    radius, points = body.radius[body.owner[moving]], placed[:, moving]
+    free = obstacles.near(points) - radius
+    slack = HALF_DIAGONAL * obstacles.cell
+    limit = (
+        free.min(axis=1, keepdims=True, initial=np.inf) + 2.0 * slack if within is None else within + slack
+    )
+    rows, samples = np.nonzero(free < limit)
+    free[rows, samples] = obstacles.distance(points[rows, samples]) - radius[samples]
     distance = np.full(placed.shape[:2], np.inf)
-    distance[:, moving] = obstacles.distance(placed[:, moving]) - body.radius[body.owner[moving]]
+    distance[:, moving] = free
     ends = [*body.first.tolist(), len(body.owner)]
     at = [distance[:, a:b].argmin(axis=1) + a for a, b in pairwise(ends)]
     nearest = np.stack(at, axis=1)

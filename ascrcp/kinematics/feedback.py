@@ -112,17 +112,14 @@ def spread_tilt(tilt: Array, stretch: NDArray[np.int64], step: float) -> Array:
     Returns:
         Rotation vectors [rad], shape (n, 3).
     """
-    spread = tilt.copy()
-    n = len(tilt)
-    for order in (range(1, n), range(n - 2, -1, -1)):
-        back = -1 if order.step == 1 else 1
+    spread, n = tilt.copy(), len(tilt)
+    size, same = np.linalg.norm(tilt, axis=1).tolist(), (np.diff(stretch) == 0).tolist()
+    for order, back in ((range(1, n), -1), (range(n - 2, -1, -1), 1)):
         for i in order:
             j = i + back
-            if stretch[i] != stretch[j]:
-                continue
-            size, mine = float(np.linalg.norm(spread[j])), float(np.linalg.norm(spread[i]))
-            if size - step > mine:
-                spread[i] = (size - step) / size * spread[j]
+            if size[j] - step > size[i] and same[min(i, j)]:
+                spread[i] = (size[j] - step) / size[j] * spread[j]
+                size[i] = size[j] - step
     return spread
 
 

@@ -113,12 +113,23 @@ class PathSolver:
             best = np.where(np.isfinite(again), again, best)
             q = self.lean(q, report)
         # lone points may have come back on the other side of a stop
-        q, again = self.rescue(self._settle(self.keep_side(q, report), q, report), report)
+        settled = self._settle(self.keep_side(q, report), q, report)
+        q, again = self.rescue(settled, report)
+        back = np.isfinite(q[:, 0]) & ~np.isfinite(settled[:, 0])
+        if back.any():
+            q = self._settle(q, q, report, self._beside(back))
         return q, np.where(np.isfinite(again), again, best)
 
-    def _settle(self, turned: Array, q: Array, report: Progress) -> Array:
+    def _beside(self, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Mark all points of the strokes that hold a marked one."""
+        strokes = np.cumsum(~np.isfinite(distances(self.T, self.model.far)))
+        return np.isin(strokes, strokes[marked])
+
+    def _settle(
+        self, turned: Array, q: Array, report: Progress, only: NDArray[np.bool_] | None = None
+    ) -> Array:
         """Smooth a last time; what is lost by it stays as it was."""
-        smoothed = self.keep_least(self.keep_good(self.smooth(turned, report, 0.85, 1.0)))
+        smoothed = self.keep_least(self.keep_good(self.smooth(turned, report, 0.85, 1.0, only=only)))
         return self._patch(smoothed, self._follow(q))
 
     def _patch(self, q: Array, spare: Array) -> Array:
@@ -204,7 +215,9 @@ class PathSolver:
             live = np.flatnonzero(np.isfinite(q[:, 0]))
             sight = barrier.look(q[live])
             avoidable, tied = split_collisions(barrier.body, sight, model.wanted, LAST_REDUNDANT)
-            if not (avoidable | tied).any():
+            short = np.zeros(len(q), dtype=bool)
+            short[live] = (avoidable | tied).any(axis=1)
+            if not short.any():
                 break
             self.emphasis[live] = raise_weights(self.emphasis[live], avoidable)
             pivot = self.path.position[live] + STAND_OFF * self.path.direction[live]
@@ -213,7 +226,7 @@ class PathSolver:
             self._tilt(more, model)
             begin = 0.65 + 0.1 * done / FEEDBACK_ROUNDS
             end = begin + 0.1 / FEEDBACK_ROUNDS
-            q = self.keep_good(self.smooth(q, report, begin, end, FEEDBACK_SMOOTHING))
+            q = self.keep_good(self.smooth(q, report, begin, end, FEEDBACK_SMOOTHING, self._beside(short)))
         return q
 
     def _tilt(self, more: Array, model: ClearanceModel) -> None:
