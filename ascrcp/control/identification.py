@@ -85,7 +85,12 @@ def fit_characteristic(trials: Sequence[Trial]) -> Characteristic:
 
 
 def fit_delay(trials: Sequence[Trial], characteristic: Characteristic, lag_s: float) -> float:
-    """Find the delay from drive to speed [s], the sensor's lag being known."""
+    """Find the delay from drive to speed [s], the sensor's lag being known.
+
+    Only the strongest trials tell: at a weak drive most of the time goes by in the dead band.
+    """
+    most = max(abs(trial.level) for trial in trials)
+    trials = [trial for trial in trials if abs(trial.level) > 0.9 * most]
     best, best_miss = DELAYS_S[0], math.inf
     for delay in DELAYS_S:
         miss = sum(_miss(trial, characteristic, delay, lag_s) for trial in trials)

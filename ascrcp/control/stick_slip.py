@@ -18,6 +18,9 @@ from ascrcp.core.clock import CYCLE_S
 _STILL = 4
 """Cycles after the foreseen end of a piece until the joint is believed to stand (placeholder)."""
 
+_BEHIND = 2.0
+"""Half teeth behind which a joint that turns more slowly than believed is driven harder (placeholder)."""
+
 _LEARN = 0.1
 """Share of what a piece contradicts the foresight by that is learned (placeholder)."""
 
@@ -126,9 +129,10 @@ class StickSlipControl:
         piece.cycles += 1
         drive = self.start_drive[1 if self._sign > 0 else 0]
         speed = self._wanted(want) * self._sign
-        if not piece.planned and speed > self._creep:
+        is_behind = self._sign * self._left(want, 0.0) > _BEHIND * self._band
+        if not piece.planned and (speed > self._creep or is_behind):
             piece.was_slow = False
-            drive = max(drive, abs(self._characteristic.drive(self._sign * speed)))
+            drive = max(drive, abs(self._characteristic.drive(self._sign * max(speed, self._creep))))
         return self._sign * drive
 
     def _learn(self, want: Want) -> None:

@@ -43,8 +43,10 @@ BREAKAWAY_CYCLES = 6
 BREAKAWAY_MARGIN = 1.2
 """Drive of a piece over the smallest that moved the joint (placeholder)."""
 
-FAST = (0.35, 0.55)
+FAST = (0.6, 0.85)
 FAST_CYCLES = 60
+"""Trials of joints that stick: well above their creep speed, which hides the characteristic below."""
+
 RESET_CYCLES = 8
 
 
