@@ -6,6 +6,9 @@ import numpy as np
 
 from ascrcp.core.flow import Arch, Overbreak, Surface
 from ascrcp.core.geometry import angle_between
+from ascrcp.core.profile import Profile
+from ascrcp.perception.features import shadow_volume
+from ascrcp.perception.profile_line import crown_height
 from ascrcp.simulation.tunnel_wall import Patch
 from ascrcp.simulation.variety import Sample, pocket_of
 
@@ -35,7 +38,9 @@ class Verdict:
         axis_deg: Angle between the axes [deg].
         axis_mm: Distance of the axes in the middle of the unsprayed part [mm].
         bare: Whether recognition says that no sprayed surface bears its axis.
-        station_mm: Of each arch found, at the crown [mm].
+        sigma_deg: One standard deviation of the axis' direction that recognition tells [deg].
+        station_mm: Of each arch found, where its plane meets the axis, as in features.json [mm].
+        crown_mm: Likewise at the crown [mm].
         lean_deg: Likewise [deg].
         missed_arches: Stations [m].
         false_arches: Stations [m].
@@ -45,13 +50,17 @@ class Verdict:
         pockets: Those that must be found.
         volume: Overbreak found [m3].
         volume_true: Overbreak in the lidar's sight [m3].
+        shadow: Overbreak estimated out of sight [m3].
+        shadow_true: Overbreak out of sight [m3].
         ends_mm: Largest error of the ends of the unsprayed part [mm].
     """
 
     axis_deg: float
     axis_mm: float
     bare: bool
+    sigma_deg: float = 0.0
     station_mm: list[float] = field(default_factory=list)
+    crown_mm: list[float] = field(default_factory=list)
     lean_deg: list[float] = field(default_factory=list)
     missed_arches: list[float] = field(default_factory=list)
     false_arches: list[float] = field(default_factory=list)
@@ -61,6 +70,8 @@ class Verdict:
     pockets: list[Pocket] = field(default_factory=list)
     volume: float = 0.0
     volume_true: float = 0.0
+    shadow: float = 0.0
+    shadow_true: float = 0.0
     ends_mm: float = 0.0
 
 
@@ -92,7 +103,9 @@ def judge(surface: Surface, sample: Sample) -> Verdict:
         axis_deg=float(np.degrees(angle_between(truth.axis.direction, surface.axis.direction))),
         axis_mm=1000.0 * float(np.linalg.norm(aside)),
         bare="sprayed" not in surface.axis.evidence,
-        station_mm=[1000.0 * (a.station - b.station) for a, b in matched],
+        sigma_deg=surface.axis.direction_sigma_deg,
+        station_mm=[1000.0 * (on_axis(a, truth.profile) - on_axis(b, truth.profile)) for a, b in matched],
+        crown_mm=[1000.0 * (a.station - b.station) for a, b in matched],
         lean_deg=[a.lean_deg - b.lean_deg for a, b in matched],
         missed_arches=missed,
         false_arches=false,
@@ -106,8 +119,15 @@ def judge(surface: Surface, sample: Sample) -> Verdict:
         pockets=pockets,
         volume=sum(region.volume_m3 for region in surface.overbreak),
         volume_true=float(sample.heading.beyond_volume[sample.visible].sum()) if whole else 0.0,
+        shadow=shadow_volume(surface),
+        shadow_true=float(sample.heading.beyond_volume[~sample.visible].sum()) if whole else 0.0,
         ends_mm=_ends(surface, sample),
     )
+
+
+def on_axis(arch: Arch, profile: Profile) -> float:
+    """Station at which the plane of an arch meets the axis [m]."""
+    return arch.station - float(np.tan(np.radians(arch.lean_deg))) * crown_height(profile)
 
 
 def _match(found: list[Arch], true: list[Arch]) -> tuple[list[tuple[Arch, Arch]], list[float], list[float]]:

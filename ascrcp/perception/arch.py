@@ -24,10 +24,12 @@ _MAX_SKEW_DEG = 3.0  # turned about the vertical; placeholder
 _SKEW_STEP_DEG = 1.0
 _MAX_ARCHES = 12
 _REACH = 0.05  # an arch's edges are looked for this far beyond half its width [m]
+_SIDE = 0.02  # beside a found arch nothing is counted for another [m]; placeholder
 _NEAR_EDGE, _FAR_EDGE = 0.04, 0.99  # quantiles of an arch's points taken for its edges; synthetic headings
 _SHOWN = (
     0.2  # share of a cell's points on the steel from which the others are rock seen behind it; placeholder
 )
+_LEAST_RUN = 3  # half slices, of the narrowest arch; placeholder
 _TOO_WIDE = 1.75  # times the width: more of the arch line in a row is sprayed surface, not an arch
 
 
@@ -93,17 +95,35 @@ def find_arches(
     line = _count(wall, hit, first, last, profile, parameters, section)
     at_line = line.at_line.copy()
     found: list[Ring] = []
+    doubted: list[Ring] = []
     for _ in range(_MAX_ARCHES):
         guess = _vote(line, at_line, profile, parameters)
         if guess is None:
             break
         ring = _place(wall, hit, guess, profile, section)
         kept = None if ring is None else _checked(wall, hit, ring, profile, parameters, section)
-        if kept is not None and all(abs(kept.station - r.station) > profile.arch_width for r in found):
+        if kept is not None and _is_apart(kept, found, profile):
             found.append(kept)
+        elif ring is not None:
+            doubted.append(guess)
         mid = (kept or guess).station + line.yz @ [(kept or guess).skew, (kept or guess).lean]
         at_line &= np.abs(line.station[:, None] - mid) > profile.arch_width / 2 + _REACH
+    for guess in doubted if found else []:
+        # arches that lean toward each other stand side by side at the foot: once more without the others
+        alone = np.all(
+            [np.abs(r.distance(wall.station, wall.yz)) > r.width / 2 + _SIDE for r in found], axis=0
+        )
+        rest = wall.pick(alone)
+        ring = _place(rest, hit[alone], guess, profile, section)
+        kept = None if ring is None else _checked(rest, hit[alone], ring, profile, parameters, section)
+        if kept is not None and _is_apart(kept, found, profile):
+            found.append(kept)
     return sorted(found, key=lambda r: r.station)
+
+
+def _is_apart(ring: Ring, found: list[Ring], profile: Profile) -> bool:
+    """Whether a ring is another one than those found."""
+    return all(abs(ring.station - other.station) > profile.arch_width for other in found)
 
 
 def to_arch(ring: Ring, profile: Profile) -> Arch:
@@ -240,7 +260,9 @@ def _checked(
         _longest(_rule(distance + phase * _ROW, along, hit, behind, profile, parameters, section))
         for phase in _PHASES
     )
-    if not 2 * parameters.slices - 2 <= run <= _TOO_WIDE * profile.arch_width / _ROW:
+    # an arch narrower than the slices of the rule cannot fill them all
+    wanted = max(_LEAST_RUN, min(2 * parameters.slices, int(profile.arch_width / _ROW + 1e-6)) - 2)
+    if not wanted <= run <= _TOO_WIDE * profile.arch_width / _ROW:
         return None
     middle = np.abs(distance) < 0.4 * profile.arch_width
     raster = raster_over(-1.0, 1.0, 2.0, section.column, profile)
@@ -324,8 +346,9 @@ def stretch(inside: Array, count: Array, share: float) -> tuple[int, int, int]:
 
 
 def _longest(flags: list[bool]) -> int:
-    best = run = 0
+    """Most flags in a row, of which one may be missing: half a slice is no slice of the rule."""
+    best = run = since_gap = 0
     for flag in flags:
-        run = run + 1 if flag else 0
+        run, since_gap = (run + 1, since_gap + 1) if flag else (since_gap, 0)
         best = max(best, run)
     return best

@@ -9,7 +9,8 @@ from ascrcp.core.flow import Axis
 from ascrcp.core.geometry import Array, unit
 from ascrcp.core.profile import Profile
 from ascrcp.perception.arch import Ring
-from ascrcp.perception.fit import DROPPED, NO_ARCH, approach_axis, check_fit, fit_axis, steel_agreement
+from ascrcp.perception.fit import DROPPED, NO_ARCH, approach_axis, fit_axis, steel_agreement
+from ascrcp.perception.fit_check import check_fit
 from ascrcp.perception.normal import direction_from_normals, estimate_normals
 from ascrcp.perception.parameter import AxisParameters
 from ascrcp.perception.profile_line import between
@@ -20,7 +21,7 @@ _PIXEL = 0.10  # of the section picture the profile is matched in [m]
 _SLAB = 0.5  # stations are counted once per slab, so that the face does not outweigh the wall [m]
 _FIT_VOXEL = 0.08  # the fit takes one point of each [m]
 _FIRST_VOXEL = 0.16  # likewise its first, wide steps [m]
-_SIDE = 0.03  # the arch's edges are left out of the second fit by this much [m]
+_SIDE = 0.01  # an arch's very edges, where echoes mix, are left out of the second fit [m]
 _TURN_DEG = 1.5  # bare rock alone leads the first fit so far astray; synthetic headings
 _TURNS = ((0.0, 0.0), (-1.0, 0.0), (1.0, 0.0), (0.0, -1.0), (0.0, 1.0))
 _BAND = 0.10  # wall is looked for this far inside the arch line and outside the overbreak line [m]

@@ -26,6 +26,7 @@ _AGREES = 0.03  # cells this far off a ring of steel are no part of it [m]; plac
 _FLOOR = 0.003  # a ring is not believed to be smoother than this [m]: ranging noise of a cell's mean
 _SETTING_OUT = 0.015  # rings are not concentric, concrete is sprayed by hand; placeholder [m]
 _ARCH_SETTING_OUT = 0.004  # arches are set out with an instrument; placeholder [m]
+_STEEL = 0.01  # an arch's cells scatter by no more than this about it [m]; placeholder
 _ROCK_BLOCKS = 0.10  # rock is off by whole blocks, many cells alike: as if each by so much [m]; placeholder
 _TUKEY = 4.0  # cells farther off than this many scales are no evidence; usual choice 4..6
 _FIRST_SCALE = 0.15  # of the cells' errors, before the axis is near [m]
@@ -34,11 +35,9 @@ _CONVERGED = 2e-5  # a smaller move ends the fit [m, rad]
 _MIN_CELLS = 8  # a ring with fewer cells says nothing about its centre
 _SPRAYED_LENGTH = 1.5  # more of the arch line than this seen is the sprayed part, not arches [m]
 _ONE_SURFACE = 0.10  # points spread over all of the band would have 0.19 m, rock in a cell has 0.03 m
-_MAX_BEYOND = (
-    0.3  # deep overbreak is a few per cent; the corners of a square room are half of it; placeholder
-)
-_MIN_COMPACT = 0.6  # placeholder
 _ARCH_ASIDE = 0.004  # an arch stands aside of the axis as a whole by this much, one sigma [m]; placeholder
+_ARCH_ALIKE = 0.003  # offsets of arches from the design line differ by this much; placeholder [m]
+_ALIKE_CELLS = 20.0  # so many cells of an arch are off alike: 2.5 m, a rolled segment
 _ROUND_ASIDE = 0.004  # a round of sprayed concrete likewise; placeholder [m]
 _ROUND = 3.0  # its length, thesis 3.3.1: about 3 m
 _BLOCK = 1.5  # roughness is taken as independent beyond this [m], for the uncertainty
@@ -176,53 +175,6 @@ def _step(axis: Axis, cells: _Cells, profile: Profile, scale: float) -> tuple[Ax
     return _moved(axis, move, float(np.average(cells.station, weights=weight))), move
 
 
-def check_fit(fit: Fit, profile: Profile, parameters: AxisParameters) -> None:
-    """Refuse what is no tunnel of this profile.
-
-    Raises:
-        RecognitionError: Saying which condition fails.
-    """
-    name = profile.name
-    if not fit.cover >= 1.0:
-        raise RecognitionError(
-            f"no tunnel found: only {fit.cover:.1f} m of wall fit profile {name}, at least 1 m is needed"
-        )
-    if not fit.share >= parameters.min_share:
-        raise RecognitionError(
-            f"no tunnel found: only {100 * fit.share:.0f} % of the points lie on profile {name}, "
-            f"at least {100 * parameters.min_share:.0f} % are needed; is it another tunnel's profile?"
-        )
-    if not fit.beyond <= _MAX_BEYOND:
-        raise RecognitionError(
-            f"no tunnel found: {100 * fit.beyond:.0f} % of the points about profile {name} lie far outside "
-            f"it, at most {100 * _MAX_BEYOND:.0f} % are believed; is it another tunnel's profile?"
-        )
-    if not fit.compact >= _MIN_COMPACT:
-        raise RecognitionError(
-            f"no tunnel found: points near profile {name} are scattered, only {100 * fit.compact:.0f} % of "
-            f"the cells hold one surface, at least {100 * _MIN_COMPACT:.0f} % are needed"
-        )
-    taper = _taper(fit)
-    if not taper <= parameters.max_taper:
-        raise RecognitionError(
-            f"no tunnel found: what fits profile {name} widens by {taper:.2f} m per metre along the axis, "
-            f"allowed {parameters.max_taper:g}"
-        )
-
-
-def _taper(fit: Fit) -> float:
-    """Median slope of the rings' offset, inner and outer rings apart."""
-    slopes = []
-    for outer in (False, True):
-        mine = fit.ring_outer == outer
-        station, offset = fit.ring_station[mine], fit.ring_offset[mine]
-        if len(station) > 3:
-            ds = station[3:] - station[:-3]
-            slopes.append(np.abs(offset[3:] - offset[:-3])[ds < 0.6] / ds[ds < 0.6])
-    every = np.concatenate(slopes) if slopes else np.zeros(0)
-    return float(np.median(every)) if len(every) else np.inf
-
-
 def _gather(
     flat: Unrolled,
     profile: Profile,
@@ -297,19 +249,43 @@ def _solve(cells: _Cells, profile: Profile, scale: float) -> tuple[Array, Array,
     rock = _ROCK_BLOCKS if cells.steel.any() else _SETTING_OUT  # where there is nothing better it counts
     set_out = np.where(cells.steel, _ARCH_SETTING_OUT, np.where(cells.outer, rock, _SETTING_OUT))
     sigma = np.maximum(1.4826 * _medians(np.abs(error), ring), scale)[ring]
+    if scale <= _FLOOR:  # steel is smooth: what lies off it is rock that touches the line
+        sigma = np.where(cells.steel, np.minimum(sigma, _STEEL), sigma)
     weight = np.maximum(0.0, 1.0 - (error / (_TUKEY * sigma)) ** 2) ** 2 / (sigma**2 + set_out**2)
     lever = cells.station - np.average(cells.station, weights=weight)
     normal = profile.normal(cells.along)
     design: Array = np.column_stack([normal, normal * lever[:, None]]).astype(float)
     total: Array = np.bincount(ring, weight).astype(float)
+    full, full_error = design, cells.offset
     design = design - _ring_mean(design, weight, ring, total)
     error = error - _ring_mean(error[:, None], weight, ring, total)[:, 0]
     information = (design * weight[:, None]).T @ design
+    target = design.T @ (weight * error)
+    if cells.steel.any():
+        more, pull = _alike(full, full_error, weight, cells)
+        information, target = information + more, target + pull
     if not np.linalg.cond(information) < 1e9:
         raise RecognitionError("no tunnel found: the wall seen is too narrow to place the axis")
-    move: Array = np.linalg.solve(information, design.T @ (weight * error)).astype(float)
+    move: Array = np.linalg.solve(information, target).astype(float)
     left = error - design @ move
     return move, _spread(cells, design, weight, left, information), weight
+
+
+def _alike(design: Array, offset: Array, weight: Array, cells: _Cells) -> tuple[Array, Array]:
+    """What it says of the axis that all arches are bent alike: information (4, 4) and right side (4,).
+
+    Each arch may lie off the design line by what it likes, but by nearly the same as the others.
+    """
+    steel = cells.steel
+    _, group = np.unique(cells.ring[steel], return_inverse=True)
+    total = np.bincount(group, weight[steel])
+    rows = np.column_stack([design, offset])[steel]
+    mean = np.stack([np.bincount(group, weight[steel] * c) for c in rows.T], axis=-1) / total[:, None]
+    belief = _ALIKE_CELLS / _ARCH_ALIKE**2
+    tie = total * belief / (total + belief)
+    mean = mean - np.average(mean, axis=0, weights=tie)
+    both = (mean * tie[:, None]).T @ mean
+    return both[:4, :4], both[:4, 4]
 
 
 def _ring_mean(value: Array, weight: Array, ring: NDArray[np.int64], total: Array) -> Array:

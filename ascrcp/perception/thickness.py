@@ -20,6 +20,8 @@ from ascrcp.perception.survey import ThicknessParameters
 
 _SIDE = 0.06  # beside an arch no thickness is told: its shadow moves with the lidar [m]; placeholder
 _FOOT = 2  # cells beside ground that are left out: rebound lies there; placeholder
+_PROUD = 0.15  # what stands so far inside the arch line is no wall [m]; placeholder
+_HEAP = 0.40  # beside it a heap still covers the wall round the arc so far [m]; placeholder
 _STEEP = 1.0  # slopes beyond this are edges, not slopes
 _CORNER = 0.10  # nor next to the face and to the step where the sprayed part begins [m]; placeholder
 BLOCK = 1.0  # edge of the squares whose mean is judged [m]
@@ -85,6 +87,7 @@ def measure_thickness(
     one, spread_one, place_one = _grid(before, raster, surface.axis, profile, parameters)
     two, spread_two, place_two = _grid(after, raster, surface.axis, profile, parameters)
     hidden = _beside_arch(surface, raster) | _beside_ground(surface, raster)
+    hidden |= _is_edge(one, raster) | _beside_heap(one, raster, profile) | _beside_heap(two, raster, profile)
     thickness = np.where(hidden, np.nan, one - two + _slide(one, raster, place_two - place_one))
     sigma = np.where(np.isnan(thickness), np.nan, np.hypot(spread_one, spread_two))
     station = raster.station[:, None]
@@ -181,6 +184,23 @@ def _slide(grid: Array, raster: Raster, apart: Array) -> Array:
             slope = np.clip(np.gradient(grid, size, axis=axis), -_STEEP, _STEEP)
             slide += np.nan_to_num(slope * apart[axis])
     return slide
+
+
+def _is_edge(grid: Array, raster: Raster) -> NDArray[np.bool_]:
+    """Mark cells too steep to say from their mean how far the wall came nearer, shape (ns, na)."""
+    edge = np.zeros(grid.shape, dtype=bool)
+    for axis, size in ((0, raster.row), (1, raster.column)):
+        if grid.shape[axis] >= 2:
+            with np.errstate(invalid="ignore"):
+                edge |= np.abs(np.gradient(grid, size, axis=axis)) > _STEEP
+    return edge
+
+
+def _beside_heap(grid: Array, raster: Raster, profile: Profile) -> NDArray[np.bool_]:
+    """Mark what lies or stands before the wall, and the wall round the arc beside it, shape (ns, na)."""
+    proud = grid < profile.arch_line - _PROUD  # NaN is not
+    reach = 2 * int(np.ceil(_HEAP / raster.column)) + 1
+    return np.asarray(binary_dilation(proud, structure=np.ones((1, reach), dtype=bool)))
 
 
 def _median(index: NDArray[np.int64], value: Array, raster: Raster) -> Array:

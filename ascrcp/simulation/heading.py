@@ -18,6 +18,7 @@ from ascrcp.simulation.tunnel_site import (
     build_face,
     build_feet,
     build_floor,
+    build_net,
     draw_drips,
 )
 from ascrcp.simulation.tunnel_wall import Patch, build_wall, place_patches
@@ -34,6 +35,7 @@ CONCERNS = (
     "bodies",
     "air",
     "bolts",
+    "net",
 )
 
 
@@ -108,6 +110,7 @@ class Heading:
         beyond_volume: Volume missing in front of each [m3], shape (c,).
         beyond_area: Area of each on the overbreak line [m2], shape (c,).
         pool_z: Level of standing water [m], base frame, None if the floor is dry.
+        solid: So many triangles come first that nothing is seen through; wire mesh follows. None: all.
     """
 
     vertices: NDArray[np.float32]
@@ -119,6 +122,7 @@ class Heading:
     beyond_volume: Array
     beyond_area: Array
     pool_z: float | None = None
+    solid: int | None = None
 
 
 def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profile | None = None) -> Heading:
@@ -151,7 +155,8 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
     parts += build_face(config, streams["face"], profile, part)
     parts += build_bolts(config.bolts, streams["bolts"], profile, part, wall)
     parts += build_bodies(config.bodies, streams["bodies"], floor)
-    mesh = merge(parts)
+    solid = sum(len(piece.triangles) for piece in parts)
+    mesh = merge([*parts, *build_net(config.net, streams["net"], profile, part, wall)])
     T = axis.T_base_tunnel
     cells, volume, area = wall.cells_beyond(profile, part)
     beyond = np.column_stack([cells[:, 0], profile.point(cells[:, 1], cells[:, 2])])
@@ -176,6 +181,7 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
         beyond_volume=volume,
         beyond_area=area,
         pool_z=truth.floor_z + config.air.pool_depth if config.air.pool_depth > 0.0 else None,
+        solid=solid,
     )
 
 

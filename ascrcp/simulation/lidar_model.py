@@ -100,8 +100,12 @@ class LidarModel:
         self._beyond = heading.beyond
         self._beyond_volume = heading.beyond_volume
         self._tensor = core.Tensor.from_numpy
-        self._scene = RaycastingScene(nthreads=1)
+        self._scene = self._solid = RaycastingScene(nthreads=1)
         self._scene.add_triangles(self._tensor(heading.vertices), self._tensor(heading.triangles))
+        if heading.solid is not None and heading.solid < len(heading.triangles):
+            self._solid = RaycastingScene(nthreads=1)
+            solid = heading.triangles[: heading.solid]
+            self._solid.add_triangles(self._tensor(heading.vertices), self._tensor(solid))
         beam = config.beam
         self._plane = np.column_stack([np.cos(beam), np.zeros_like(beam), np.sin(beam)])
         self._low = np.array([p.low for p in config.own_parts]).reshape(-1, 1, 3)
@@ -169,13 +173,16 @@ class LidarModel:
         return float(self._beyond_volume[self.is_visible(origin)].sum())
 
     def is_visible(self, origin: Array) -> NDArray[np.bool_]:
-        """Whether each of the cells beyond the overbreak line is in sight of a point, shape (c,)."""
+        """Whether each of the cells beyond the overbreak line is in sight of a point, shape (c,).
+
+        Wire mesh is looked through: between its bars every cell of the rock is seen in part.
+        """
         if len(self._beyond) == 0:
             return np.zeros(0, dtype=bool)
         way = self._beyond - origin
         length = np.linalg.norm(way, axis=1)
         rays = np.hstack([np.broadcast_to(origin, way.shape), way / length[:, None]]).astype(np.float32)
-        reached = self._scene.cast_rays(self._tensor(rays), nthreads=1)["t_hit"].numpy()
+        reached = self._solid.cast_rays(self._tensor(rays), nthreads=1)["t_hit"].numpy()
         return np.asarray(reached > length - SIGHT_MARGIN)
 
     def _directions(self, pan: float) -> Array:

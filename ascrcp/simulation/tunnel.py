@@ -5,7 +5,7 @@ along the axis from the axis point nearest the base origin, offsets outward from
 """
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
@@ -88,12 +88,14 @@ class RockConfig(Struct):
         look_out: How much further out the holes end than they begin, over the round [m].
         margin: Outside the pockets rock stays this far inside the overbreak line [m].
         roughness: Its octaves.
+        layer: Concrete sprayed on all of it so far [m].
     """
 
     offset: float
     look_out: float
     margin: Metre
     roughness: list[Octave]
+    layer: Metre = 0.0
 
 
 class ArchesConfig(Struct):
@@ -158,6 +160,24 @@ class BoltsConfig(Struct):
     stand_off: Metre = 0.02  # placeholder
     stub: Annotated[float, msgspec.Meta(gt=0.0, le=1.0)] = 0.12  # placeholder
     thickness: Annotated[float, msgspec.Meta(gt=0.0, le=0.2)] = 0.025  # usual bolts are 22..28 mm thick
+
+
+class NetConfig(Struct):
+    """Wire mesh nailed to the rock: bars along the tunnel and round it.
+
+    Attributes:
+        present: Whether there is any.
+        pitch: Distance between bars [m].
+        bar: Thickness of a bar [m].
+        stand_off: Mesh before the rock [m].
+        bend: Length over which the mesh bridges hollows instead of following them, one sigma [m].
+    """
+
+    present: bool = False
+    pitch: Annotated[float, msgspec.Meta(ge=0.05, le=1.0)] = 0.20  # usual: 200 x 200 mm
+    bar: Annotated[float, msgspec.Meta(gt=0.0, le=0.05)] = 0.008  # usual: 6..8 mm
+    stand_off: Metre = 0.03  # placeholder
+    bend: Annotated[float, msgspec.Meta(gt=0.0, le=2.0)] = 0.15  # placeholder
 
 
 class BodyConfig(Struct):
@@ -251,6 +271,7 @@ class TunnelConfig(Struct):
     air: AirConfig
     mesh: MeshConfig
     bolts: BoltsConfig = BoltsConfig()
+    net: NetConfig = NetConfig()
 
     def __post_init__(self) -> None:
         # a ValueError here becomes a ConfigError that names the file
@@ -273,9 +294,11 @@ class TunnelConfig(Struct):
                 raise ValueError(f"tunnel {name}: half_length and half_arc at least 0.05 m")
 
     def load_profile(self) -> Profile:
-        """Read the design profile this tunnel is built around."""
+        """Read the design profile this tunnel is built around; its arches are as wide as those built."""
         named = CONFIG / "profiles" / f"{self.profile}.yaml"
-        return load_profile(named if named.is_file() else Path(self.profile))
+        profile: Any = load_profile(named if named.is_file() else Path(self.profile))
+        built: Profile = msgspec.structs.replace(profile, arch_width=self.arches.width)
+        return built
 
 
 def draw(rng: np.random.Generator, low_high: Range) -> float:

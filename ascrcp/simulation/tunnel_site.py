@@ -1,16 +1,19 @@
 """What else stands and falls in the simulated tunnel: floor, muck, face, people, vehicles, drips."""
 
 import numpy as np
+from scipy.interpolate import RegularGridInterpolator
+from scipy.ndimage import gaussian_filter
 
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import Profile
-from ascrcp.simulation.tunnel import AirConfig, BodyConfig, BoltsConfig, TunnelConfig, draw
+from ascrcp.simulation.tunnel import AirConfig, BodyConfig, BoltsConfig, NetConfig, TunnelConfig, draw
 from ascrcp.simulation.tunnel_mesh import Mesh, box, cylinder, grid, rough
 from ascrcp.simulation.tunnel_wall import Wall
 
 FLOOR_STEP = 0.15  # triangles of the floor [m]
 FACE_STEP = 0.08  # triangles of the face [m]
 BEYOND = 0.8  # floor and face reach this far behind the wall, so that no gap shows [m]
+NET_STEP = 0.10  # pieces of a bar [m]
 PLATE = 0.008  # thickness of a bolt's plate [m]
 DRIP_REACH = 3.0  # drips fall from the unsprayed part to this far behind it [m]
 
@@ -84,6 +87,43 @@ def build_bolts(
             s_, along_, offset = block.vertices.T
             meshes.append(Mesh(np.column_stack([s_, profile.point(along_, offset)]), block.triangles))
     return meshes
+
+
+def build_net(
+    config: NetConfig, rng: np.random.Generator, profile: Profile, part: tuple[float, float], wall: Wall
+) -> list[Mesh]:
+    """Nail wire mesh to the rock of the unsprayed part, as flat bars that face the axis, tunnel frame."""
+    if not config.present:
+        return []
+    steps = [float(axis[-1] - axis[-2]) for axis in (wall.station, wall.along)]
+    spread = [config.bend / step for step in steps]
+    # bent over hollows, and never inside the rock
+    net = np.minimum(gaussian_filter(wall.offset, spread) - config.stand_off, wall.offset - config.bar)
+    surface = RegularGridInterpolator((wall.station, wall.along), net, bounds_error=False, fill_value=None)
+    shift = rng.uniform(0.0, config.pitch, 2)
+    across, round_ = (
+        np.arange(first + by, last, config.pitch)
+        for first, last, by in ((*part, shift[0]), (0.0, profile.length, shift[1]))
+    )
+    fine = np.arange(part[0], part[1], NET_STEP), np.arange(0.0, profile.length, NET_STEP)
+    meshes = []
+    for s in across:
+        meshes.append(_bar(np.full_like(fine[1], s), fine[1], (config.bar / 2, 0.0), surface, profile))
+    for along in round_:
+        meshes.append(_bar(fine[0], np.full_like(fine[0], along), (0.0, config.bar / 2), surface, profile))
+    return meshes
+
+
+def _bar(
+    s: Array, along: Array, half: tuple[float, float], surface: RegularGridInterpolator, profile: Profile
+) -> Mesh:
+    """One bar through points (m,) of the unrolled wall, `half` wide to either side along s and arc."""
+    offset = surface(np.column_stack([s, along]))
+    sides = [
+        np.column_stack([s + sign * half[0], profile.point(along + sign * half[1], offset)])
+        for sign in (-1, 1)
+    ]
+    return grid(np.stack(sides))
 
 
 def draw_drips(

@@ -139,7 +139,7 @@ def _rock(
         # beyond the line exactly inside the ellipse, up to its own relief; broken sides outside
         hollow = profile.overbreak_line + pocket.depth * (1.0 - r**4)
         rock = np.maximum(rock, hollow + relief * np.clip(1.0 - r**2, 0.0, 1.0))
-    return rock
+    return rock - config.rock.layer
 
 
 def _even(first: float, last: float, step: float) -> Array:
