@@ -11,6 +11,7 @@ from ascrcp.perception.parameter import GroundParameters
 _CELL = 0.5  # side of the squares whose lowest point speaks for them [m]
 _BAND = 0.10  # a square agrees with the plane if its lowest point is this near [m]
 _SLOPE_STEP = 0.01  # grid of slopes tried first
+_LOWER = 0.65  # of the cloud's height: the floor lies there even if the whole crown is mirrored; placeholder
 _MAX_BELOW = 0.2  # share of the squares that may hold something clearly below the floor; placeholder
 
 
@@ -19,7 +20,7 @@ def find_ground(points: NDArray[np.float32], parameters: GroundParameters) -> Ar
 
     The lowest point of each square votes for a height under every slope allowed; the best is then
     fitted by least squares. Standing water mirrors the wall, so that points lie below the floor: if the
-    lowest do not agree, every height at which a square of the lower half holds points may vote. A tunnel
+    lowest do not agree, every height at which a square holds points may vote, below the crown. A tunnel
     seen without its floor gives None, since a vault is not flat.
 
     Args:
@@ -34,8 +35,9 @@ def find_ground(points: NDArray[np.float32], parameters: GroundParameters) -> Ar
     plane = _fit(low, square, squares, parameters)
     if plane is not None and np.mean(low[:, 2] - _height(low, plane) < -2 * _BAND) <= _MAX_BELOW:
         return plane
-    half = points[points[:, 2] < (points[:, 2].min() + points[:, 2].max()) / 2]
-    return _fit(*_levels(half), squares, parameters) if len(half) else None
+    bottom, top = float(points[:, 2].min()), float(points[:, 2].max())
+    lower = points[points[:, 2] < bottom + _LOWER * (top - bottom)]
+    return _fit(*_levels(lower), squares, parameters) if len(lower) else None
 
 
 def _fit(low: Array, square: NDArray[np.int64], squares: int, parameters: GroundParameters) -> Array | None:

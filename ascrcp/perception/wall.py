@@ -23,7 +23,8 @@ _GAP = 4  # of 8 neighbours seen make an empty cell a gap in sampling, not shado
 _NEIGHBOURS = 5  # of 8 cells: the rim of a straight shadow has five
 _BEFORE = 0.05  # a lone cell so far before the wall is a mixed echo: three times the relief of a cell [m]
 _DENSITY = 9  # cells of the square over which the density of points is averaged
-_LEAST_DARK, _MOST_DARK = 0.02, 0.10  # chance that a cell amid the wall seen is dark; synthetic headings
+_LEAST_DARK, _MOST_DARK = 0.01, 0.10  # chance that a cell amid the wall seen is dark; synthetic headings
+_CHANCE = 4  # of the eight neighbours of a cell; the others are bridged if empty by chance; placeholder
 _WHOLE_RIM = 0.1  # chance that a cell at the rim of a shadow is not cut by it; synthetic headings
 _EDGE = 3  # cells at an open end (face, edge of the sprayed part) that take their neighbour's value
 
@@ -175,7 +176,10 @@ def _share(count: Array, seen: NDArray[np.bool_], corner: NDArray[np.bool_]) -> 
     # more cells without a point than chance leaves empty are dark; about as many are cut by a rim
     empty = float(np.mean(~full[amid]) - np.mean(np.exp(-density[amid]))) if amid.any() else 0.0
     shaded = min(max(empty, _LEAST_DARK), _MOST_DARK)
-    whole, dark = np.where(rim, _WHOLE_RIM, 1.0 - 2.0 * shaded), np.where(rim, 0.0, shaded)
+    # in a thin cloud a neighbour goes unseen by mere chance, which makes no rim
+    chance = 1.0 - (1.0 - np.exp(-density)) ** _CHANCE
+    whole = np.where(rim, _WHOLE_RIM + (1.0 - _WHOLE_RIM) * chance, 1.0 - 2.0 * shaded)
+    dark = np.where(rim, 0.0, shaded)
     share = expected_share(count, density, whole, dark)
     return np.where(corner, 1.0, np.where(seen, share, 0.0))
 

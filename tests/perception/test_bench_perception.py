@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from ascrcp.cli.bench_perception import scaled, try_refusals
+from ascrcp.cli.bench_survey import alignment_error, measure_pair
 from ascrcp.cli.heading_verdict import Verdict, judge
 from ascrcp.core.profile import Profile
 from ascrcp.perception.overbreak import across_shadow
@@ -85,3 +86,10 @@ def test_an_echo_in_the_air_is_mixed_and_a_deep_cell_is_not() -> None:
     near = np.ones(mean.shape, dtype=bool)
     assert np.argwhere(is_mixed(mean, near, 24)).tolist() == [[10, 5]]
     assert not is_mixed(mean, ~near, 24).any()
+
+
+def test_survey_figures_of_one_pair_and_one_alignment() -> None:
+    assert abs(alignment_error(np.random.default_rng(3))) <= 0.05
+    pair = measure_pair(12)
+    assert pair.away_mm <= 3.0
+    assert len(pair.blocks_mm) > 20 and np.abs(pair.blocks_mm).max() <= 5.0

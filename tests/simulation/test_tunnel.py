@@ -190,3 +190,33 @@ def test_roughness_has_the_height_it_is_asked_for() -> None:
 def test_bad_configuration_is_refused_by_name(overlay: Any, named: str) -> None:
     with pytest.raises(ConfigError, match=named):
         convert(merge(read_yaml(TUNNEL), overlay), TunnelConfig, "tunnel.yaml")
+
+
+def test_wire_mesh_hangs_before_the_rock_and_is_looked_through() -> None:
+    bare, meshed = make(8), make(8, {"net": {"present": True}})
+    assert bare.solid == len(bare.triangles) and meshed.solid == len(bare.triangles)
+    assert len(meshed.triangles) > meshed.solid
+    along = np.repeat(above_floor(bare, 300), 20)
+    station = np.tile(np.linspace(*bare.truth.unsprayed, 22)[1:-1], len(along) // 20)
+    before = look_out(bare, station, along) - look_out(meshed, station, along)
+    on_bar = before > 1e-4
+    assert 0.03 < on_bar.mean() < 0.15  # two bars of 8 mm every 200 mm
+    assert before.min() > -1e-4 and np.median(before[on_bar]) == pytest.approx(0.03, abs=0.03)
+    origin = bare.truth.axis.point + bare.truth.axis.direction * 9.7
+    config = load(LIDAR, LidarConfig)
+    seen = [LidarModel(config, heading).is_visible(origin) for heading in (bare, meshed)]
+    np.testing.assert_array_equal(seen[0], seen[1])
+
+
+def test_a_layer_moves_the_rock_and_nothing_else() -> None:
+    thin, thick = make(9, SMOOTH), make(9, merge(SMOOTH, {"rock": {"layer": 0.08}}))
+    along = above_floor(thin, 60)
+    part = thin.truth.unsprayed
+    for station, moved in ((sum(part) / 2, 0.08), (part[0] - 1.0, 0.0)):
+        at = np.full(len(along), station)
+        assert np.allclose(look_out(thin, at, along) - look_out(thick, at, along), moved, atol=2e-3)
+
+
+def test_a_tunnels_profile_has_arches_as_wide_as_those_built() -> None:
+    config = load(TUNNEL, TunnelConfig, {"arches": {"width": 0.16}})
+    assert config.load_profile().arch_width == 0.16
