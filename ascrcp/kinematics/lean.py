@@ -29,7 +29,7 @@ WAYS = 8
 SHARES = (0.5, 1.0)
 """Leans tried, of the largest allowed."""
 
-LOOKED_AT = 256
+LOOKED_AT = 96
 """Candidates of a point whose clearance is measured, the best of a rough look; placeholder."""
 
 KEPT = 64
@@ -55,10 +55,12 @@ class Leans:
     Attributes:
         tilt: Rotation vectors [rad], base frame, shape (m, 3).
         q: Postures, NaN where no direction has one within limits, shape (m, joints).
+        best: Most clearance of any candidate [m], -inf without one, shape (m,).
     """
 
     tilt: Array
     q: Array
+    best: Array
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,15 @@ class LeanSearch:
     stand_off: float
     payload_kg: float
 
-    def find(self, path: SprayPath, rows: NDArray[np.int64], gaps: Array, near: Array, tilt: Array) -> Leans:
+    def find(
+        self,
+        path: SprayPath,
+        rows: NDArray[np.int64],
+        gaps: Array,
+        near: Array,
+        own: NDArray[np.bool_],
+        tilt: Array,
+    ) -> Leans:
         """Find leans and postures for points of a path.
 
         Args:
@@ -93,24 +103,27 @@ class LeanSearch:
             gaps: Distance from the point before on the path [m], infinite where the nozzle does not spray
                 through from there, shape (m,).
             near: Postures to be near to, shape (m, joints).
+            own: Whether these are the points' own at the present tilt, shape (m,).
             tilt: Present rotation vectors [rad], shape (m, 3).
         """
         found, q = np.zeros((len(rows), 3)), np.full((len(rows), self.arm.n), np.nan)
-        layers = [self._candidates(path, i, *now) for i, *now in zip(rows.tolist(), near, tilt, strict=True)]
+        layers = [self._candidates(path, int(i), near[k], bool(own[k]), tilt[k]) for k, i in enumerate(rows)]
         usable = np.array([k for k, layer in enumerate(layers) if len(layer[0])], dtype=np.int64)
         cut = (np.diff(rows[usable]) > 1) | np.isinf(gaps[usable[1:]])
         for stretch in np.split(usable, 1 + np.flatnonzero(cut)):
             if not stretch.size:
                 continue
-            options, leans, price = zip(*(layers[k] for k in stretch), strict=True)
+            options, leans, price, _ = zip(*(layers[k] for k in stretch), strict=True)
             scale = np.sqrt(self.cost.metric)
             chain = find_chain(options, price, scale, gaps[stretch], self.model.break_cost, near[stretch[0]])
             q[stretch] = [option[c] for option, c in zip(options, chain, strict=True)]
             found[stretch] = [lean[c] for lean, c in zip(leans, chain, strict=True)]
-        return Leans(found, q)
+        return Leans(found, q, np.array([layer[3].max(initial=-np.inf) for layer in layers]))
 
-    def _candidates(self, path: SprayPath, i: int, near: Array, tilt: Array) -> tuple[Array, Array, Array]:
-        """Find a point's candidates (k, joints), their leans (k, 3) and what each costs, (k,)."""
+    def _candidates(
+        self, path: SprayPath, i: int, near: Array, own: bool, tilt: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Find a point's candidates (k, joints), leans (k, 3), what each costs and keeps clear, (k,)."""
         leans = np.concatenate([tilt[None], self._cone(path.direction[i])])
         leaned = tilt_path(repeat_point(path, i, len(leans)), leans, self.stand_off)
         found = solve_grid(self.arm, compensate(self.arm, spray_pose(leaned), self.payload_kg), self.grid)
@@ -119,6 +132,8 @@ class LeanSearch:
         rough = rough_clearance(self.arm, q, self.barrier.obstacles)
         first = (-rough).argsort(kind="stable")[:LOOKED_AT]
         q, lean = q[first], lean[first]
+        if own:
+            q, lean = np.concatenate([q, near[None]]), np.concatenate([lean, tilt[None]])
         free = clearance(self.arm, q, self.barrier.obstacles).distance
         price = own_cost(self.arm, self.cost, q) + LEAN_COST * (lean**2).sum(axis=1) / self.limit**2
         price += CHANGE_COST * ((lean - tilt) ** 2).sum(axis=1) / self.limit**2
@@ -126,7 +141,7 @@ class LeanSearch:
         price += self.barrier.weight * np.maximum(self.barrier.soft - free, 0.0) ** 2
         price += SHORT * np.maximum(self.wanted + AIMED - free, 0.0) ** 2
         best = price.argsort(kind="stable")[:KEPT]
-        return q[best], lean[best], price[best]
+        return q[best], lean[best], price[best], free[best]
 
     def _cone(self, direction: Array) -> Array:
         """Rotation vectors that lean a direction every way, none first, shape (k, 3)."""

@@ -46,13 +46,22 @@ LOW_SHARE = 10.0
 """A clearance short of the wanted by less than a cell of the field over this is taken as kept."""
 
 CUT = 0.05
-"""A new posture that the arm stops spraying for has to gain so many metres at each end; placeholder."""
+"""A step that throws the arm has to gain so many metres at each end; placeholder."""
 
 SAME = 0.01
 """Joints of two solutions of a point that differ by less [rad, m] go over into each other."""
 
 UNSOLVED = 1.0
 """A point lost or won counts as so many metres of clearance."""
+
+KINK = 0.05
+"""Share of a break that a step to another point costs, beyond which the arm is thrown; placeholder."""
+
+PROMISE_KEPT = 0.005
+"""A clearance nearer to the most that was seen to be possible is taken for it [m]."""
+
+BESIDE = 2
+"""Neighbours that may change their posture and lean together with a point too near; placeholder."""
 
 SOFTENED = 3
 """Points to either side over which a tilt is smoothed; placeholder."""
@@ -73,6 +82,8 @@ class PathSolver:
         tilt: From planned to solved: these, smoothed along the path, shape (n, 3).
         obstacles, barrier: Surroundings, None if there are none.
         emphasis: Weight of keeping each link clear, shape (n, links).
+        promise: Most clearance the whole cone of directions was seen to give [m], infinite if not looked
+            at, shape (n,).
         cut: Where the arm changes its posture before a point on purpose, shape (n,).
     """
 
@@ -93,6 +104,7 @@ class PathSolver:
         self.obstacles = obstacles
         self.barrier = None if obstacles is None else make_barrier(arm, obstacles)
         self.cut = np.zeros(len(path), dtype=bool)
+        self.promise = np.full(len(path), np.inf)
         self.emphasis = np.zeros((len(path), 0))
         if self.barrier is not None:
             self.emphasis = no_emphasis(self.barrier, len(path))
@@ -118,12 +130,16 @@ class PathSolver:
         back = np.isfinite(q[:, 0]) & ~np.isfinite(settled[:, 0])
         if back.any():
             q = self._settle(q, q, report, self._beside(back))
-        return q, np.where(np.isfinite(again), again, best)
+        return self.lean(q, report), np.where(np.isfinite(again), again, best)
 
     def _beside(self, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mark all points of the strokes that hold a marked one."""
-        strokes = np.cumsum(~np.isfinite(distances(self.T, self.model.far)))
+        strokes = self._strokes()
         return np.isin(strokes, strokes[marked])
+
+    def _strokes(self) -> NDArray[np.int64]:
+        """Number the strokes that are sprayed through, shape (n,)."""
+        return np.cumsum(~np.isfinite(distances(self.T, self.model.far)))
 
     def _settle(
         self, turned: Array, q: Array, report: Progress, only: NDArray[np.bool_] | None = None
@@ -139,8 +155,7 @@ class PathSolver:
         """
         lost = ~np.isfinite(q[:, 0])
         differs = ~(np.abs(q - spare).max(axis=1) <= SAME) & np.isfinite(spare[:, 0])
-        edges = np.diff(differs, prepend=False) | ~np.isfinite(distances(self.T, self.model.far))
-        stretch = np.cumsum(edges)
+        stretch = np.cumsum(np.diff(differs, prepend=False) | ~np.isfinite(distances(self.T, self.model.far)))
         taken = differs & (np.bincount(stretch, lost)[stretch] > 0)
         return np.where(taken[:, None], spare, q)
 
@@ -234,7 +249,7 @@ class PathSolver:
         asked = np.asarray(more.any(axis=1))
         raised = add_tilt(self.tilt, more, self.planned.direction, step, limit)
         self.wanted_tilt = np.where(asked[:, None], raised, self.wanted_tilt)
-        strokes = np.cumsum(~np.isfinite(distances(self.T, self.model.far)))
+        strokes = self._strokes()
         self.tilt = soften_tilt(spread_tilt(self.wanted_tilt, strokes, step), strokes, SOFTENED)
         self._aim()
 
@@ -252,38 +267,50 @@ class PathSolver:
         if model is None or barrier is None:
             return q
         before = self._free(q)
-        rows = np.flatnonzero(before < model.wanted - model.cell / LOW_SHARE)
+        low = np.minimum(model.wanted - model.cell / LOW_SHARE, self.promise - PROMISE_KEPT)
+        rows = np.flatnonzero(before < low)
         if not rows.size:
             return q
-        limit = float(np.radians(model.tilt_limit_deg))
-        grid = make_grid(self.arm, self.model)
+        grid, limit = make_grid(self.arm, self.model), float(np.radians(model.tilt_limit_deg))
         search = LeanSearch(
             self.arm, self.model, self.cost, grid, barrier, model.wanted, limit, STAND_OFF, self.payload_kg
         )
         gaps = distances(self.T, self.model.far)
         strokes = np.cumsum(~np.isfinite(gaps))
-        near = nearest_solved(q, rows, self.start)
-        found = search.find(self.planned, rows, gaps[rows], near, self.tilt[rows])
-        hit = np.isfinite(found.q[:, 0])
-        rows, old_wanted, old_tilt = rows[hit], self.wanted_tilt, self.tilt
-        self.wanted_tilt, self.emphasis = self.wanted_tilt.copy(), self.emphasis.copy()
-        self.wanted_tilt[rows] = found.tilt[hit]
+        self.emphasis = self.emphasis.copy()
         self.emphasis[rows] = np.maximum(self.emphasis[rows], INSIST)
+        around = (rows[:, None] + np.arange(-BESIDE, BESIDE + 1)).clip(0, len(q) - 1)
+        rows = np.unique(around[strokes[around] == strokes[rows][:, None]])
+        near, own = nearest_solved(q, rows, self.start), np.isfinite(q[rows, 0])
+        found = search.find(self.planned, rows, gaps[rows], near, own, self.tilt[rows])
+        self.promise[rows] = found.best
+        hit = np.isfinite(found.q[:, 0])
+        return self._try_leans(q, rows[hit], found.q[hit], found.tilt[hit], report)
+
+    def _try_leans(
+        self, q: Array, rows: NDArray[np.int64], lean_q: Array, lean: Array, report: Progress
+    ) -> Array:
+        """Take postures and leans of some points over, and back again in stretches that gain nothing."""
+        model = self.arm.description.clearance
+        assert model is not None
+        gaps = distances(self.T, self.model.far)
+        old_wanted, old_tilt, old_cut = self.wanted_tilt, self.tilt, self.cut
+        free, steep = self._free(q), self._is_steep(q, gaps, KINK)
+        mine = np.isin(np.arange(len(q)), rows)
+        self.wanted_tilt = self.wanted_tilt.copy()
+        self.wanted_tilt[rows] = lean
         self._tilt(np.zeros_like(self.tilt), model)
         tried = q.copy()
-        tried[rows] = found.q[hit]
-        old_cut = self.cut
-        self.cut = old_cut | self._find_cuts(tried, gaps, rows)
-        touched = np.isin(strokes, strokes[rows])
-        tried = self.keep_least(self.keep_good(self.smooth(tried, report, 0.8, 0.85, only=touched)))
-        tried = self._patch(tried, self._follow(q))
-        # where a stretch of changed tilts gained nothing, it goes back to what it was
-        new = self._find_cuts(tried, gaps, rows) & ~old_cut
-        self.cut = old_cut | new
-        worth = [np.clip(free, -UNSOLVED, model.wanted) for free in (before, self._free(tried))]
-        gain = worth[1] - worth[0] - CUT * (new | np.append(new[1:], False))
-        changed = (self.tilt != old_tilt).any(axis=1) | np.isin(np.arange(len(q)), rows)
-        stretch = np.cumsum(np.diff(changed, prepend=False) | np.diff(strokes, prepend=0).astype(bool))
+        tried[rows] = lean_q
+        beside = mine | np.append(False, mine[:-1])
+        self.cut = old_cut | (beside & self._is_steep(tried, gaps, 1.0))
+        tried = self._settle(tried, q, report, self._beside(mine))
+        self.cut = old_cut | (beside & self._is_steep(tried, gaps, 1.0))
+        kinked = self._is_steep(tried, gaps, KINK) & ~steep
+        worth = [np.clip(each, -UNSOLVED, model.wanted) for each in (free, self._free(tried))]
+        gain = worth[1] - worth[0] - CUT * (kinked | np.append(kinked[1:], False))
+        changed = mine | (self.tilt != old_tilt).any(axis=1)
+        stretch = np.cumsum(np.diff(changed, prepend=False) | ~np.isfinite(gaps))
         worse = changed & (np.bincount(stretch, gain)[stretch] <= 0.0)
         self.cut = np.where(worse | np.append(False, worse[:-1]), old_cut, self.cut)
         self.wanted_tilt[worse], self.tilt = old_wanted[worse], np.where(worse[:, None], old_tilt, self.tilt)
@@ -297,11 +324,10 @@ class PathSolver:
         carried[live] = project_task(self.arm, self.T[live], q[live], self.cost.metric)
         return self.keep_least(self.keep_good(carried))
 
-    def _find_cuts(self, q: Array, gaps: Array, rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """Mark where points (m,) have another posture than their neighbours, which smoothing would undo."""
+    def _is_steep(self, q: Array, gaps: Array, share: float) -> NDArray[np.bool_]:
+        """Mark steps to a point that cost more than a share of a break: another posture, or on its way."""
         step = (self.cost.metric * np.diff(q, axis=0, prepend=q[:1]) ** 2).sum(axis=1)
-        beside = np.isin(np.arange(len(q)), np.concatenate([rows, rows + 1]))
-        return np.asarray(beside & (step > self.model.break_cost * gaps))
+        return np.asarray(step > share * self.model.break_cost * gaps)
 
     def _free(self, q: Array) -> Array:
         """Measure what every point keeps clear [m], minus infinity where it is unsolved, shape (n,)."""
@@ -367,7 +393,8 @@ class PathSolver:
         live = np.flatnonzero(np.isfinite(q[:, 0]))
         gaps = distances(self.T[live], self.model.far)
         needed = (np.abs(np.diff(q[live], axis=0)) / self.arm.max_speed).max(axis=1, initial=0.0)
-        allowed = np.where(np.diff(np.cumsum(self.cut)[live]) > 0, 0.0, self.model.reroll_s)
+        thrown = self._is_steep(q[live], gaps, KINK)[1:] | (np.diff(np.cumsum(self.cut)[live]) > 0)
+        allowed = np.where(thrown, 0.0, self.model.reroll_s)
         gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + allowed] = np.inf
         breaks[live] = ~np.isfinite(gaps)
         return breaks
