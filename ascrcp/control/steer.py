@@ -14,7 +14,7 @@ from ruckig import ControlInterface, InputParameter, OutputParameter, Ruckig
 
 from ascrcp.control.reference import Sample
 from ascrcp.control.steer_config import SteerConfig
-from ascrcp.control.steer_surface import ON_ROW, Spot, SteerSurface
+from ascrcp.control.steer_surface import ON_ROW, Slopes, Spot, SteerSurface
 from ascrcp.core.clock import CYCLE_S
 from ascrcp.core.geometry import Array
 
@@ -24,8 +24,11 @@ EDGE_M = 0.02
 SEARCH_M = 1.5
 """How far along a pass a way across is looked for [m]."""
 
-SHORTER = 3
+SHORTER = 5
 """How often a cycle's way is shortened before the nozzle stands for that cycle."""
+
+TOLERATED = 0.05
+"""Share of a joint's rate by which a cycle may exceed it: what rounding of the poses makes of a way."""
 
 PROBE_M = 0.02
 """Way over which the joints' rates are measured [m]."""
@@ -82,7 +85,12 @@ def shape_stick(x: float, y: float, config: SteerConfig) -> tuple[float, float]:
     quarter = 0.5 * math.pi * round(angle / (0.5 * math.pi))
     if abs(angle - quarter) <= math.radians(config.snap_deg):
         angle = quarter
-    return share * math.cos(angle), share * math.sin(angle)
+    return _snap(share * math.cos(angle)), _snap(share * math.sin(angle))
+
+
+def _snap(deflection: float) -> float:
+    """Drop what rounding leaves of a cosine of 90 degrees."""
+    return deflection if abs(deflection) > 1e-9 else 0.0
 
 
 class Smooth:
@@ -197,22 +205,22 @@ class Steering:
         slopes = self._surface.slopes(self.spot)
         wanted = self._slide([speed * along, speed * across], slopes)
         wanted = self._within_rates(wanted, slopes)
-        wanted = [self._before_edge(v, axis, slopes[axis]) for axis, v in enumerate(wanted)]
+        wanted = [self._before_edge(v, axis, slopes.of(axis, v)) for axis, v in enumerate(wanted)]
         moved = self._smooth.step(wanted)
         self._go(moved, slopes)
         return self.sample()
 
-    def _go(self, speeds: list[float], slopes: tuple[float, float]) -> None:
+    def _go(self, speeds: list[float], slopes: Slopes) -> None:
         """Take one cycle's way; a part of it where a joint would have to be too fast."""
         start, before = self.spot, self._q
         for _ in range(SHORTER):
             for axis in (0, 1):
-                self._advance(speeds[axis] * CYCLE_S, axis, slopes[axis])
+                self._advance(speeds[axis] * CYCLE_S, axis, slopes.of(axis, speeds[axis]))
             q, _ = self._surface.joints(self.spot)
             excess = float((np.abs(q - before) / (self._max_rate * CYCLE_S)).max())
-            if not excess > 1.0 + 1e-6:
+            if not excess > 1.0 + TOLERATED:
                 break
-            speeds = [v / excess for v in speeds]
+            speeds = [(1.0 - TOLERATED) * v / excess for v in speeds]
             self.spot = start
             self._smooth.limit(speeds)
         else:
@@ -229,13 +237,20 @@ class Steering:
         if abs(way) / slope > free:
             self._smooth.halt(axis)
         spot = self.spot
-        self.spot = (
-            Spot(spot.row, spot.column + step) if axis == 0 else Spot(_on_row(spot.row + step), spot.column)
-        )
+        if axis == 0:
+            self.spot = Spot(spot.row, spot.column + step)
+            return
+        row = spot.row + step  # the gap may be another beyond the next pass: land on it first
+        edge = math.floor(spot.row) + 1 if sign > 0 else math.ceil(spot.row) - 1
+        self.spot = Spot(_on_row(min(row, edge) if sign > 0 else max(row, edge)), spot.column)
 
     def _free(self, axis: int, sign: int) -> float:
         surface = self._surface
         return surface.free_along(self.spot, sign) if axis == 0 else surface.free_across(self.spot, sign)
+
+    def _room(self, axis: int, speed: float, slopes: Slopes) -> float:
+        """Return the way left before the edge on an axis, in the direction of a speed [m]."""
+        return self._free(axis, 1 if speed > 0.0 else -1) * slopes.of(axis, speed)
 
     def _before_edge(self, speed: float, axis: int, slope: float) -> float:
         """Slow down so that the nozzle rests before the edge."""
@@ -248,7 +263,7 @@ class Steering:
         most = stopping_speed(distance, 0.7 * self._config.acceleration_m_s2, self._config.jerk_m_s3)
         return sign * min(abs(speed), most)
 
-    def _slide(self, wanted: list[float], slopes: tuple[float, float]) -> list[float]:
+    def _slide(self, wanted: list[float], slopes: Slopes) -> list[float]:
         """At an edge, go beside it to where the wanted direction goes on; say so."""
         self.status = SteerStatus.FREE
         for axis in (0, 1):
@@ -256,13 +271,14 @@ class Steering:
             if speed == 0.0:
                 continue
             sign = 1 if speed > 0.0 else -1
-            if self._free(axis, sign) * slopes[axis] > EDGE_M:
+            if self._room(axis, speed, slopes) > EDGE_M:
                 continue
             self.status = SteerStatus.EDGE
-            if wanted[1 - axis] != 0.0 and self._free(1 - axis, 1 if wanted[1 - axis] > 0 else -1) > 0.0:
+            other = wanted[1 - axis]
+            if other != 0.0 and self._room(1 - axis, other, slopes) > EDGE_M:
                 self.status = SteerStatus.SLIDING
                 return [0.0 if i == axis else v for i, v in enumerate(wanted)]
-            side = self._way_round(sign) if axis == 0 else self._way_over(sign, slopes[0])
+            side = self._way_round(sign) if axis == 0 else self._way_over(sign, slopes.along)
             if side:
                 self.status = SteerStatus.SLIDING
                 return [side * abs(speed) if i != axis else 0.0 for i in (0, 1)]
@@ -296,7 +312,7 @@ class Steering:
                 column += towards
         return min(found)[1] if found else 0
 
-    def _within_rates(self, wanted: list[float], slopes: tuple[float, float]) -> list[float]:
+    def _within_rates(self, wanted: list[float], slopes: Slopes) -> list[float]:
         """Slow down so that no joint need exceed its rate, here and where the nozzle could still stop."""
         speed = math.hypot(*wanted)
         now = math.hypot(*self._smooth.speed)
@@ -311,7 +327,7 @@ class Steering:
             self.status = SteerStatus.SLOW
         return [v * most / speed for v in wanted]
 
-    def _fastest(self, unit: list[float], slopes: tuple[float, float], way: float) -> float:
+    def _fastest(self, unit: list[float], slopes: Slopes, way: float) -> float:
         """Return the fastest nozzle speed the joints allow a way ahead [m/s], infinite off the surface."""
         a, b = (self._along(unit, slopes, w) for w in (way, way + PROBE_M))
         if not (self._surface.is_free(a) and self._surface.is_free(b)):
@@ -319,13 +335,13 @@ class Steering:
         rate = np.abs(self._surface.mesh_joints(b) - self._surface.mesh_joints(a)) / PROBE_M
         return float((self._max_rate / np.maximum(rate, 1e-9)).min())
 
-    def _along(self, unit: list[float], slopes: tuple[float, float], way: float) -> Spot:
+    def _along(self, unit: list[float], slopes: Slopes, way: float) -> Spot:
         column, row = self.spot.column, self.spot.row
         rows, columns = self._surface.plan.node.shape
-        if slopes[0] > 0.0:
-            column += unit[0] * way / slopes[0]
-        if slopes[1] > 0.0:
-            row += unit[1] * way / slopes[1]
+        for axis in (0, 1):
+            slope = slopes.of(axis, unit[axis])
+            step = unit[axis] * way / slope if slope > 0.0 else 0.0
+            column, row = (column + step, row) if axis == 0 else (column, row + step)
         return Spot(_on_row(min(max(row, 0.0), rows - 1.0)), min(max(column, 0.0), columns - 1.0))
 
 

@@ -1,5 +1,6 @@
 """Settings of the joystick's steering; config/control/steer.yaml fills them."""
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +18,7 @@ class SteerConfig(Struct):
 
     Attributes:
         speed_m_s: Nozzle speed at full deflection.
+        turn_deg_s: Turning of the spray direction at full deflection.
         acceleration_m_s2: Largest acceleration along the surface.
         jerk_m_s3: Largest jerk.
         joint_share: Share of each joint's largest speed that may be asked for.
@@ -35,6 +37,7 @@ class SteerConfig(Struct):
     """
 
     speed_m_s: Annotated[float, Meta(gt=0.0, le=1.0)]
+    turn_deg_s: Annotated[float, Meta(gt=0.0, le=60.0)]
     acceleration_m_s2: Positive
     jerk_m_s3: Positive
     joint_share: Fraction
@@ -50,6 +53,11 @@ class SteerConfig(Struct):
     rejoin_deg: Positive
     jog_m_s: Annotated[float, Meta(gt=0.0, le=0.25)]
     jog_share: Annotated[float, Meta(gt=0.0, le=0.5)]
+
+    @property
+    def turn_m(self) -> float:
+        """Way of the nozzle [m] that counts like turning the spray direction by one radian."""
+        return self.speed_m_s / math.radians(self.turn_deg_s)
 
 
 def load_steer_config(path: Path | None = None) -> SteerConfig:

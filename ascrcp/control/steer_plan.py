@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ascrcp.control.steer_config import SteerConfig
 from ascrcp.control.steer_pose import find_joints
+from ascrcp.control.steer_relax import relax_joints
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import JointSequence, SprayPath
 from ascrcp.core.geometry import Array
@@ -102,6 +103,8 @@ def build_steer_plan(
     for r, members in enumerate(rows):
         row = at[np.isin(index, members)]
         _mesh_row(sequence, path, row, angle, arm, config, (q[r], position[r], direction[r], point[r]))
+    node = _settle(arm, q, position, direction, payload_kg, None)
+    _relax(arm, path, rows, q, position, direction, node, config, payload_kg)
     node = _settle(arm, q, position, direction, payload_kg, clear)
     cross = _bridge(arm, path, rows, q, position, direction, node, config, payload_kg, clear)
     return SteerPlan(angle, q, position, direction, node, cross, point)
@@ -183,6 +186,55 @@ def _settle(
     return node
 
 
+def _neighbours(
+    arm: Arm,
+    path: SprayPath,
+    rows: list[NDArray[np.int64]],
+    q: Array,
+    position: Array,
+    node: NDArray[np.bool_],
+    config: SteerConfig,
+) -> NDArray[np.bool_]:
+    """Tell which nodes of neighbouring rows lie near each other and on one branch, shape (r - 1, a)."""
+    near: NDArray[np.bool_] = np.asarray(node[:-1] & node[1:])
+    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
+    for r in range(len(rows) - 1):
+        if bool(path.overbreak[rows[r][0]]) != bool(path.overbreak[rows[r + 1][0]]):
+            near[r] = False
+    with np.errstate(invalid="ignore"):
+        np.logical_and(near, (np.abs(q[1:] - q[:-1]) <= limit).all(-1), out=near)
+        gap = np.linalg.norm(position[1:] - position[:-1], axis=-1)
+        np.logical_and(near, gap <= config.row_gap_m, out=near)
+    return near
+
+
+def _relax(
+    arm: Arm,
+    path: SprayPath,
+    rows: list[NDArray[np.int64]],
+    q: Array,
+    position: Array,
+    direction: Array,
+    node: NDArray[np.bool_],
+    config: SteerConfig,
+    payload_kg: float,
+) -> None:
+    """Smooth the joints along and across the rows."""
+    number = np.full(node.shape, -1, np.int64)
+    number[node] = np.arange(int(node.sum()))
+    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
+    with np.errstate(invalid="ignore"):
+        along = node[:, :-1] & node[:, 1:] & (np.abs(q[:, 1:] - q[:, :-1]) <= limit).all(-1)
+    across = _neighbours(arm, path, rows, q, position, node, config)
+    edges = np.concatenate(
+        [
+            np.stack([number[:, :-1][along], number[:, 1:][along]], 1),
+            np.stack([number[:-1][across], number[1:][across]], 1),
+        ]
+    )
+    q[node] = relax_joints(arm, q[node], position[node], direction[node], edges, payload_kg)
+
+
 def _bridge(
     arm: Arm,
     path: SprayPath,
@@ -196,15 +248,7 @@ def _bridge(
     clear: Clear | None,
 ) -> NDArray[np.bool_]:
     """Tell where the nozzle may cross between neighbouring rows: one branch, and its middle reachable."""
-    cross: NDArray[np.bool_] = np.asarray(node[:-1] & node[1:])
-    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
-    for r in range(len(rows) - 1):
-        if bool(path.overbreak[rows[r][0]]) != bool(path.overbreak[rows[r + 1][0]]):
-            cross[r] = False
-    with np.errstate(invalid="ignore"):
-        np.logical_and(cross, (np.abs(q[1:] - q[:-1]) <= limit).all(-1), out=cross)
-        gap = np.linalg.norm(position[1:] - position[:-1], axis=-1)
-        np.logical_and(cross, gap <= config.row_gap_m, out=cross)
+    cross = _neighbours(arm, path, rows, q, position, node, config)
     for share in BETWEEN:
         a, b = 1.0 - share, share
         there = (a * direction[:-1] + b * direction[1:])[cross]

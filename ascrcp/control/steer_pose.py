@@ -9,8 +9,8 @@ from ascrcp.kinematics.sag import sagged_forward
 ROUNDS = 4
 """Newton steps at most: from interpolated joints two suffice."""
 
-ENOUGH = 1e-4
-"""Miss at which the steps end [m and rad]: a hundredth of what the sensors' steps mean at the nozzle."""
+ENOUGH = 2e-5
+"""Miss at which the steps end [m and rad]: far below what the sensors' steps mean at the nozzle."""
 
 DAMPING = 1e-6
 """Damping of the least-squares step, so that a singular pose makes it short instead of wild."""

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,11 +32,33 @@ class Spot:
     column: float
 
 
+class Slopes(NamedTuple):
+    """Way of the nozzle [m].
+
+    Attributes:
+        along: Per column.
+        up: Per row to the next pass, 0 where there is none.
+        down: Per row to the pass before.
+    """
+
+    along: float
+    up: float
+    down: float
+
+    def of(self, axis: int, speed: float) -> float:
+        """Return the one that counts for a speed on an axis, 0 along, 1 across."""
+        if axis == 0:
+            return self.along
+        return self.up if speed > 0.0 else self.down
+
+
 class SteerSurface:
     """Smooth pose and joints between the nodes: cubic along a pass, linear across."""
 
-    def __init__(self, plan: SteerPlan, arm: Arm, payload_kg: float = 0.0) -> None:
+    def __init__(self, plan: SteerPlan, arm: Arm, payload_kg: float = 0.0, turn_m: float = 1.0) -> None:
+        """Args: turn_m: way of the nozzle that counts like a turn of the direction by one radian [m]."""
         self.plan = plan
+        self._turn_m = turn_m
         self._arm, self._payload = arm, payload_kg
         self._values = np.concatenate([plan.q, plan.position, plan.direction], axis=-1)
         self._n = arm.n
@@ -61,18 +84,34 @@ class SteerSurface:
         """Return the joints between the nodes without correction: near enough for rates, shape (joints,)."""
         return self._at(spot)[: self._n]
 
-    def slopes(self, spot: Spot) -> tuple[float, float]:
-        """Return the nozzle's way per column and per row at a place [m]; 0 across where there is one row."""
-        last_row, last_column = self.plan.node.shape[0] - 1, self.plan.node.shape[1] - 1
-        column = min(max(spot.column, DIFFERENCE), last_column - DIFFERENCE)
-        a, b = (self._at(Spot(spot.row, column + s * DIFFERENCE))[self._n : self._n + 3] for s in (-1, 1))
-        along = math.dist(a.tolist(), b.tolist()) / (2 * DIFFERENCE)
-        k = min(int(spot.row), last_row - 1)
-        if k < 0:
-            return along, 0.0
+    def slopes(self, spot: Spot) -> "Slopes":
+        """Return the nozzle's way per column and per row at a place [m].
+
+        Where the direction turns much on a short way, the turn counts instead.
+        """
+        last = self.plan.node.shape[1] - 1
+        column = min(max(spot.column, DIFFERENCE), last - DIFFERENCE)
+        a, b = (self._at(Spot(spot.row, column + s * DIFFERENCE))[self._n :] for s in (-1, 1))
+        on_row = abs(spot.row - round(spot.row)) <= ON_ROW
+        above = round(spot.row) if on_row else math.floor(spot.row)
         j = round(spot.column)
-        a, b = self.plan.position[k, j], self.plan.position[k + 1, j]
-        return along, math.dist(a.tolist(), b.tolist())
+        return Slopes(
+            self._way(a, b) / (2 * DIFFERENCE),
+            self._gap(above, j),
+            self._gap(above - 1 if on_row else above, j),
+        )
+
+    def _gap(self, row: int, column: int) -> float:
+        """Way from a row to the next [m]; 0 where none may be gone."""
+        if not 0 <= row < len(self.plan.cross) or not self.plan.cross[row, column]:
+            return 0.0
+        return self._way(self._values[row, column, self._n :], self._values[row + 1, column, self._n :])
+
+    def _way(self, a: Array, b: Array) -> float:
+        """Way between two poses (6,): of the nozzle, or of the turn if that is more [m]."""
+        d = (b - a).tolist()
+        way, turn = math.hypot(*d[:3]), self._turn_m * math.hypot(*d[3:])
+        return turn if turn > way else way
 
     def is_free(self, spot: Spot) -> bool:
         """Whether a place is steerable."""

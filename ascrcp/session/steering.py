@@ -124,9 +124,8 @@ class KernelMaker:
     def _make(self, order: SteerOrder) -> Kernel:
         if order.kind == "plan":
             assert order.plan is not None
-            steering = Steering(
-                SteerSurface(order.plan, self._arm, self._payload), self._config, self._arm.max_speed
-            )
+            surface = SteerSurface(order.plan, self._arm, self._payload, self._config.turn_m)
+            steering = Steering(surface, self._config, self._arm.max_speed)
             steering.begin(order.row, order.column)
             return steering
         if not self._has_around:
