@@ -1,16 +1,27 @@
-"""The right edge, always the same: quit, language, cancel, the e-stop's mirror, reset and stop."""
+"""The right edge, the same on every page: general commands, who has control, e-stop mirror, reset, stop."""
 
 from PySide6.QtCore import QTimer, Signal
 from PySide6.QtWidgets import QVBoxLayout
 
-from ascrcp.hmi.panel import Panel, make_button, make_label
+from ascrcp.hmi.panel import Panel, make_button, make_label, set_text
 from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen, set_look
 from ascrcp.session.snapshot import Snapshot
+from ascrcp.session.state import Mode
 
 RAIL_PX = 190
-NOTE_PX = 64
+NOTE_PX = 72
 """Four lines [px], so that reset above stays where it is in both languages."""
+
+
+def control_holder(snapshot: Snapshot) -> str:
+    """Return the key of who has the arm: the platform, the stick, nobody."""
+    job = snapshot.job
+    if snapshot.estop or job.stopped:
+        return "holder_nobody"
+    if job.jogging or (job.mode is Mode.SEMI_AUTOMATIC and snapshot.steer is not None):
+        return "holder_stick"
+    return "holder_platform" if job.active is not None and job.active.moves else "holder_rest"
 
 
 class CommandRail(Panel):
@@ -24,11 +35,13 @@ class CommandRail(Panel):
     reset = Signal()
     cancel = Signal()
     language_switched = Signal()
+    theme_switched = Signal()
     quit_asked = Signal()
     quit_confirmed = Signal()
 
     def __init__(self, screen: Screen) -> None:
         super().__init__(framed=False)
+        self._screen = screen
         self.setFixedWidth(RAIL_PX)
         self._confirm = QTimer(self)
         self._confirm.setSingleShot(True)
@@ -36,18 +49,21 @@ class CommandRail(Panel):
         self._confirm.timeout.connect(self._write_quit)
         self.quit_button = make_button("plain", name="quit")
         self.language_button = make_button("plain", name="language")
+        self.theme_button = make_button("plain", name="theme")
         self.cancel_button = make_button("plain", name="cancel")
         self.reset_button = make_button("reset", name="reset")
         self.stop_button = make_button("stop", name="stop")
+        self.holder = make_label("holder", centred=True)
         self.estop = make_label("estop", centred=True)
         self.note = make_label("small", wrap=True)
         self.note.setFixedHeight(NOTE_PX)
         column = QVBoxLayout(self)
         column.setContentsMargins(0, 0, 0, 0)
-        column.setSpacing(8)
-        for widget in (self.quit_button, self.language_button, self.cancel_button):
+        column.setSpacing(6)
+        for widget in (self.quit_button, self.language_button, self.theme_button, self.cancel_button):
             column.addWidget(widget)
         column.addStretch()
+        column.addWidget(self.holder)
         column.addWidget(self.estop)
         column.addWidget(self.reset_button)
         column.addWidget(self.note)
@@ -56,6 +72,7 @@ class CommandRail(Panel):
         self.reset_button.clicked.connect(self.reset)
         self.cancel_button.clicked.connect(self.cancel)
         self.language_button.clicked.connect(self.language_switched)
+        self.theme_button.clicked.connect(self.theme_switched)
         self.quit_button.clicked.connect(self._press_quit)
 
     def set_language(self, language: Language) -> None:
@@ -66,13 +83,24 @@ class CommandRail(Panel):
         self.cancel_button.setText(say("cancel", language))
         self.language_button.setText(say("language", language))
         self.note.setText(f"{say('stop_keys', language)}. {say('software_stop', language)}")
+        self.set_theme(self._screen)
         self._write_quit()
+
+    def set_theme(self, screen: Screen) -> None:
+        """Name the theme the switch leads to."""
+        self._screen = screen
+        self.theme_button.setText(say(f"theme_{screen.other_theme}", self.language))
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
         """Draw the e-stop's mirror; offer cancel and reset only where they do something."""
-        self.estop.setText(say("estop_pressed" if snapshot.estop else "estop_released", self.language))
+        set_text(self.estop, say("estop_pressed" if snapshot.estop else "estop_released", self.language))
         set_look(self.estop, "danger" if snapshot.estop else "calm")
-        self.cancel_button.setEnabled(snapshot.job.active is not None)
+        set_text(
+            self.holder, f"{say('holder', self.language)}\n{say(control_holder(snapshot), self.language)}"
+        )
+        is_busy = snapshot.job.active is not None or snapshot.job.jogging
+        self.cancel_button.setEnabled(is_busy)
+        self.theme_button.setEnabled(not is_busy)  # a change of theme takes longer than a cycle
         self.reset_button.setEnabled(not snapshot.estop and (snapshot.job.stopped or bool(snapshot.causes)))
 
     def _press_quit(self) -> None:

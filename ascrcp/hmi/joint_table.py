@@ -1,5 +1,6 @@
-"""Joint positions as a table: actual, target, error, drive (thesis 6.1.2, joint position module)."""
+"""Joint positions as a table: actual, target, error, drive, limits, state (thesis 6.1.2)."""
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,15 +14,20 @@ from ascrcp.kinematics import JointInfo
 from ascrcp.session.snapshot import Snapshot
 
 COLUMNS = ("joint", "actual", "target", "error", "drive")
+WIDE_COLUMNS = (*COLUMNS, "limits", "state")
 ROW_PX, HEADER_PX = 26, 28
 STALE = "▲"
 """Set before a value that is too old."""
 
-WIDEST = ("", f"{STALE} 2200 mm", "2200 mm", "-800 mm", "+100 %")
+WIDEST = ("", f"{STALE} 2200 mm", "2200 mm", "-800 mm", "+100 %", "0…2200 mm", "■ near end")
 """Widest text of each column after the first, which takes what is left."""
-PADDING_PX = 17
+PADDING_PX = 15
 
 Index = QModelIndex | QPersistentModelIndex
+
+
+NEAR_LIMIT = 0.03
+"""Share of a joint's range at its ends in which it counts as near its limit; placeholder."""
 
 
 def _at(values: Sequence[float], index: int) -> float:
@@ -41,15 +47,42 @@ def show_joint(joint: JointInfo, snapshot: Snapshot, stale_ms: float) -> tuple[s
     return shown, place.show(target), error, quantity.DRIVE.show(_at(snapshot.drive, index))
 
 
+def joint_state(joint: JointInfo, snapshot: Snapshot, stale_ms: float) -> str:
+    """Return the key of the word for a joint's state; the most serious wins."""
+    index = joint.number - 1
+    value = _at(snapshot.q, index)
+    if not math.isfinite(value):
+        return "joint_unknown"
+    if snapshot.inputs is not None and not snapshot.inputs.in_range[index]:
+        return "joint_range"
+    if not _at(snapshot.age_ms, index) <= stale_ms:
+        return "joint_stale"
+    limited = sum(_at(snapshot.q, number - 1) for number in joint.limit_sum) if joint.limit_sum else value
+    if not joint.lower <= limited <= joint.upper:
+        return "joint_beyond"
+    margin = NEAR_LIMIT * (joint.upper - joint.lower)
+    if not joint.lower + margin <= limited <= joint.upper - margin:
+        return "joint_near"
+    return "joint_fresh"
+
+
+def show_limits(joint: JointInfo) -> str:
+    """Return a joint's range as text."""
+    place = quantity.LENGTH if joint.prismatic else quantity.ANGLE_RANGE
+    return f"{place.number(joint.lower)}…{place.show(joint.upper)}"
+
+
 class JointModel(QAbstractTableModel):
     """The table's rows; one change signal a snapshot, and only if a shown text changed."""
 
-    def __init__(self, joints: Sequence[JointInfo], stale_ms: float) -> None:
+    def __init__(
+        self, joints: Sequence[JointInfo], stale_ms: float, columns: Sequence[str] = COLUMNS
+    ) -> None:
         super().__init__()
-        self.joints = tuple(joints)
+        self.joints, self.columns = tuple(joints), tuple(columns)
         self._stale_ms = stale_ms
         self._language = Language.EN
-        self._cells: tuple[tuple[str, ...], ...] = (("",) * 4,) * len(self.joints)
+        self._cells: tuple[tuple[str, ...], ...] = (("",) * (len(self.columns) - 1),) * len(self.joints)
 
     def rowCount(self, parent: Index = QModelIndex()) -> int:  # noqa: N802, B008
         """Return the number of joints."""
@@ -57,7 +90,7 @@ class JointModel(QAbstractTableModel):
 
     def columnCount(self, parent: Index = QModelIndex()) -> int:  # noqa: N802, B008
         """Return the number of columns."""
-        return 0 if parent.isValid() else len(COLUMNS)
+        return 0 if parent.isValid() else len(self.columns)
 
     def data(self, index: Index, role: int = Qt.ItemDataRole.DisplayRole) -> Any:
         """Return a cell's text or alignment."""
@@ -78,7 +111,7 @@ class JointModel(QAbstractTableModel):
         if orientation != Qt.Orientation.Horizontal:
             return None
         if role == Qt.ItemDataRole.DisplayRole:
-            return say(COLUMNS[section], self._language)
+            return say(self.columns[section], self._language)
         if role == Qt.ItemDataRole.TextAlignmentRole:
             side = Qt.AlignmentFlag.AlignRight if section else Qt.AlignmentFlag.AlignLeft
             return int(side | Qt.AlignmentFlag.AlignVCenter)
@@ -87,26 +120,34 @@ class JointModel(QAbstractTableModel):
     def set_language(self, language: Language) -> None:
         """Change titles and names."""
         self._language = language
-        self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(COLUMNS) - 1)
+        self.headerDataChanged.emit(Qt.Orientation.Horizontal, 0, len(self.columns) - 1)
         self._tell()
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
         """Take the joints of a snapshot."""
-        cells = tuple(show_joint(joint, snapshot, self._stale_ms) for joint in self.joints)
+        cells = tuple(self._row(joint, snapshot) for joint in self.joints)
         if cells != self._cells:
             self._cells = cells
             self._tell()
 
+    def _row(self, joint: JointInfo, snapshot: Snapshot) -> tuple[str, ...]:
+        shown = show_joint(joint, snapshot, self._stale_ms)
+        if len(self.columns) == len(COLUMNS):
+            return shown
+        return (*shown, show_limits(joint), say(joint_state(joint, snapshot, self._stale_ms), self._language))
+
     def _tell(self) -> None:
-        self.dataChanged.emit(self.index(0, 0), self.index(len(self.joints) - 1, len(COLUMNS) - 1))
+        self.dataChanged.emit(self.index(0, 0), self.index(len(self.joints) - 1, len(self.columns) - 1))
 
 
 class JointTable(QTableView):
     """The table itself: to look at, nothing in it can be pressed."""
 
-    def __init__(self, joints: Sequence[JointInfo], stale_ms: float) -> None:
+    def __init__(
+        self, joints: Sequence[JointInfo], stale_ms: float, columns: Sequence[str] = COLUMNS
+    ) -> None:
         super().__init__()
-        self.joint_model = JointModel(joints, stale_ms)
+        self.joint_model = JointModel(joints, stale_ms, columns)
         self.setModel(self.joint_model)
         self.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
         self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
@@ -126,7 +167,7 @@ class JointTable(QTableView):
     def showEvent(self, event: QShowEvent) -> None:  # noqa: N802
         """Fit the columns to the font that is really there."""
         metrics = self.fontMetrics()
-        for column in range(1, len(COLUMNS)):
+        for column in range(1, len(self.joint_model.columns)):
             width = metrics.horizontalAdvance(WIDEST[column]) + PADDING_PX
             self.horizontalHeader().resizeSection(column, width)
         super().showEvent(event)

@@ -4,10 +4,11 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QSizePolicy, QWidget
 
 from ascrcp.hmi.text import Language
+from ascrcp.hmi.theme import Screen
 
 
 class Panel(QFrame):
-    """A part of the window that draws snapshots in the language it is set to."""
+    """A part of the window that draws snapshots in the language and theme it is set to."""
 
     def __init__(self, parent: QWidget | None = None, *, framed: bool = True) -> None:
         super().__init__(parent)
@@ -17,6 +18,9 @@ class Panel(QFrame):
     def set_language(self, language: Language) -> None:
         """Write the fixed texts in a language; the next snapshot brings the others."""
         self.language = language
+
+    def set_theme(self, screen: Screen) -> None:
+        """Take the colours that the style sheet cannot give: of what is painted by hand."""
 
 
 def make_label(role: str = "value", *, wrap: bool = False, centred: bool = False, width: int = 0) -> QLabel:
@@ -38,10 +42,21 @@ def make_label(role: str = "value", *, wrap: bool = False, centred: bool = False
     return label
 
 
-def make_button(role: str = "", *, name: str = "") -> QPushButton:
-    """Return a button for gloves: no keyboard focus, so that the space bar means stop everywhere."""
+def make_button(role: str = "", *, name: str = "", checkable: bool = False) -> QPushButton:
+    """Return a button for gloves.
+
+    A touch gives it no keyboard focus; the tab key does, and Enter presses it: the space bar means
+    stop everywhere.
+    """
     button = QPushButton()
     button.setProperty("role", role)
     button.setObjectName(name)
-    button.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    button.setCheckable(checkable)
+    button.setFocusPolicy(Qt.FocusPolicy.TabFocus)
     return button
+
+
+def set_text(label: QLabel, text: str) -> None:
+    """Write a label's text; costs little when it has it already."""
+    if label.text() != text:
+        label.setText(text)

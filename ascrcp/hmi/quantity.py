@@ -39,6 +39,7 @@ class Quantity:
 _DEG = 180.0 / math.pi
 
 ANGLE = Quantity("°", _DEG, 1)
+ANGLE_RANGE = Quantity("°", _DEG, 0)
 LENGTH = Quantity(" mm", 1000.0, 0)
 ANGLE_ERROR = Quantity("°", _DEG, 1, signed=True)
 LENGTH_ERROR = Quantity(" mm", 1000.0, 0, signed=True)
@@ -51,6 +52,11 @@ TEMPERATURE = Quantity(" °C", 1.0, 0)
 LATENESS_MS = Quantity(" ms", 1.0, 1)
 SPEED = Quantity(" ×", 1.0, 1)
 PROGRESS = Quantity(" %", 100.0, 0)
+CLEARANCE = Quantity(" m", 1.0, 2)
+STATION = Quantity(" m", 1.0, 2)
+DEPTH = Quantity(" mm", 1000.0, 0)
+RATE = Quantity("", 1.0, 0)
+AGE_MS = Quantity(" ms", 1.0, 0)
 
 
 def show_point(point: tuple[float, ...], quantity: Quantity) -> str:

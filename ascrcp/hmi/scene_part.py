@@ -1,4 +1,4 @@
-"""What both 3-D views share: colours of labels, the path as line segments, the arm as a line."""
+"""Parts of the 3-D view as plain arrays: colours of labels, path lines with arrows, the arm as a line."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,16 @@ from numpy.typing import NDArray
 
 from ascrcp.core.flow import Label
 from ascrcp.core.geometry import Array
-from ascrcp.hmi.theme import SceneColours
+from ascrcp.hmi.camera import NEAR, Camera
+from ascrcp.hmi.theme import SceneColours, rgb
 from ascrcp.session.snapshot import Scene
-
-FADE = 0.4
-"""Share of its brightness the farthest point loses, so that depth can be seen."""
-
-LEAST_DEPTH = 0.1
-"""Depth of a picture is taken to be at least this [m]."""
 
 SPRAY_LENGTH = 1.0
 """Length of the line drawn out of the nozzle [m]: the thesis's stand-off."""
+ARROW_EVERY = 12
+"""Planned points from one arrow to the next."""
+ARROW_PX, ARROW_DEG = 9.0, 28.0
+"""Length of an arrow's wings and their angle off the line."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +25,12 @@ class ArmLine:
 
     Attributes:
         chain: Base, joints and nozzle from base to tip [m], shape (k, 3).
-        spray: Nozzle and the point one stand-off before it [m], shape (2, 3), None if unknown.
+        spray: Nozzle and the point one stand-off before it [m], shape (2, 3).
         spraying: Whether concrete flows.
     """
 
     chain: Array
-    spray: Array | None
+    spray: Array
     spraying: bool
 
 
@@ -46,28 +45,6 @@ def arm_line(frames: Array, spraying: bool) -> ArmLine:
     tip = frames[-1]
     spray = np.stack([tip[:3, 3], tip[:3, 3] + SPRAY_LENGTH * tip[:3, 0]])  # spray direction: tool +x
     return ArmLine(chain, spray, spraying)
-
-
-def rgb(colour: str) -> tuple[int, int, int]:
-    """Return red, green, blue of "#rrggbb", 0..255."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-def brightness(depth: NDArray, seen: NDArray[np.bool_]) -> NDArray:
-    """Return how bright points are, from 1 for the nearest seen to 1 - FADE for the farthest.
-
-    Args:
-        depth: Before the eye [m], shape (n,).
-        seen: Which of them are in the picture, shape (n,).
-
-    Returns:
-        Shares, shape (n,); points out of the picture get those of its nearest or farthest.
-    """
-    if not seen.any():
-        return np.ones(len(depth))
-    nearest, farthest = float(depth[seen].min()), float(depth[seen].max())
-    share = (depth - nearest) / max(farthest - nearest, LEAST_DEPTH)
-    return np.asarray(1.0 - FADE * np.clip(share, 0.0, 1.0))
 
 
 def label_table(colours: SceneColours) -> NDArray[np.uint8]:
@@ -92,3 +69,34 @@ def path_segments(scene: Scene) -> NDArray[np.int64]:
         return np.zeros((0, 2), np.int64)
     first = np.flatnonzero(scene.path_pass[1:] == scene.path_pass[:-1])
     return np.stack([first, first + 1], -1)
+
+
+def project_lines(lines: Array, camera: Camera, width: int, height: int) -> Array:
+    """Bring lines onto the picture, those wholly before the eye; (k, 2, 3) -> (j, 2, 2) pixels."""
+    if not len(lines):
+        return np.zeros((0, 2, 2))
+    pixels, depth = camera.project(lines.reshape(-1, 3), width, height)
+    seen = (depth.reshape(-1, 2) > NEAR).all(axis=1)
+    return pixels.reshape(-1, 2, 2)[seen]
+
+
+def arrow_wings(lines: Array) -> Array:
+    """Return two wings at the middle of every so many lines; (k, 2, 2) -> (j, 2, 2) pixels."""
+    chosen = lines[ARROW_EVERY // 2 :: ARROW_EVERY]
+    along = chosen[:, 1] - chosen[:, 0]
+    length = np.linalg.norm(along, axis=1)
+    chosen, along = chosen[length > 1.0], along[length > 1.0] / length[length > 1.0, None]
+    tip = chosen.mean(axis=1) + 0.5 * ARROW_PX * along
+    wings = []
+    for side in (-1.0, 1.0):
+        a = np.radians(180.0 + side * ARROW_DEG)
+        turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+        wings.append(np.stack([tip, tip + ARROW_PX * along @ turn.T], axis=1))
+    return np.concatenate(wings)
+
+
+def wall_hits(scene: Scene) -> Array:
+    """Return where jets meet the wall, a stand-off before each planned nozzle, shape (m, 3) or (0, 3)."""
+    if len(scene.path_direction) != len(scene.path):
+        return np.zeros((0, 3))
+    return scene.path + SPRAY_LENGTH * scene.path_direction

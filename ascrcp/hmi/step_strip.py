@@ -5,13 +5,13 @@ from collections.abc import Callable
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton
 
-from ascrcp.hmi.panel import Panel, make_button, make_label
+from ascrcp.hmi.panel import Panel, make_button, make_label, set_text
 from ascrcp.hmi.text import STEP_NAME, say
 from ascrcp.hmi.theme import set_look
 from ascrcp.session.snapshot import Snapshot
 from ascrcp.session.state import STEPS, JobState, Refusal, Step
 
-REASON_PX = 38
+REASON_PX = 36
 """Room for two lines of a reason under each button [px]."""
 
 
@@ -53,8 +53,10 @@ class StepStrip(Panel):
             state = step_state(snapshot.job, step)
             reason = None if state == "active" else self._refusal(step)
             button = self.buttons[step]
-            button.setText(f"{number}  {STEP_NAME[step][self.language]}\n{say(state, self.language)}")
+            text = f"{number}  {STEP_NAME[step][self.language]}\n{say(state, self.language)}"
+            if button.text() != text:
+                button.setText(text)
             button.setEnabled(state != "active" and reason is None)
             is_next = state == "todo" and reason is None
             set_look(button, "ready" if is_next else state)
-            self.reasons[step].setText("" if reason is None else reason.value[self.language])
+            set_text(self.reasons[step], "" if reason is None else reason.value[self.language])

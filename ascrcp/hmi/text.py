@@ -2,6 +2,8 @@
 
 from enum import IntEnum
 
+from ascrcp.hmi.text_page import PAGE_TEXT
+from ascrcp.hmi.text_setup import SETUP_TEXT
 from ascrcp.session.state import Mode, Step
 
 
@@ -53,7 +55,7 @@ TEXT: dict[str, tuple[str, str]] = {
     "at_rest": ("no step under way", "无进行中的步骤"),
     # commands
     "stop": ("STOP", "紧急停止"),
-    "stop_keys": ("Space or F12", "空格键或 F12"),
+    "stop_keys": ("Key: Space or F12", "按键：空格或 F12"),
     "reset": ("RESET", "复位"),
     "quit": ("Quit", "退出平台"),
     "quit_again": ("Press again\nto quit", "再按一次\n退出"),
@@ -64,6 +66,22 @@ TEXT: dict[str, tuple[str, str]] = {
         "This is a software stop. The safety device is the hard-wired emergency stop.",
         "此按钮为软件停止。安全装置是硬件急停按钮。",
     ),
+    "frozen": ("DATA FROZEN", "数据冻结"),
+    "theme_night": ("Night theme", "夜间模式"),
+    "theme_day": ("Day theme", "日间模式"),
+    "holder": ("Control:", "控制权："),
+    "holder_nobody": ("■ nobody, drives off", "■ 无，驱动关闭"),
+    "holder_platform": ("▶ the platform", "▶ 平台"),
+    "holder_stick": ("▶ the stick", "▶ 摇杆"),
+    "holder_rest": ("○ platform, at rest", "○ 平台，静止"),
+    "holder_unknown": ("? not known", "? 未知"),
+    # pages
+    "page_automatic": ("Automatic", "全自动"),
+    "page_wall": ("Wall", "壁面"),
+    "page_joints": ("Joints", "关节"),
+    "page_alarms": ("Alarms", "报警"),
+    "page_semi": ("Semi-auto", "半自动"),
+    "page_setup": ("Set-up", "调试"),
     # alarm
     "no_alarm": ("● No alarm", "● 无报警"),
     "alarm": ("▲ ALARM {fault}", "▲ 报警 {fault}"),
@@ -97,23 +115,6 @@ TEXT: dict[str, tuple[str, str]] = {
     "spray_operator": ("by the operator", "由操作手控制"),
     "joystick_present": ("joystick connected", "摇杆已连接"),
     "joystick_absent": ("no joystick", "未连接摇杆"),
-    # 3-D view
-    "turn_left": ("◀\nturn", "◀\n左转"),
-    "turn_right": ("▶\nturn", "▶\n右转"),
-    "nearer": ("+\nnearer", "+\n放大"),
-    "farther": ("−\nfarther", "−\n缩小"),
-    "view_next": ("view:\n{name}", "视角：\n{name}"),
-    "view_behind": ("behind", "后方"),
-    "view_side": ("side", "侧面"),
-    "view_top": ("top", "俯视"),
-    "sprayed": ("sprayed", "已喷面"),
-    "bay": ("rock", "拱间面"),
-    "arch": ("arch", "钢拱"),
-    "overbreak": ("overbreak", "超挖"),
-    "path": ("path", "轨迹"),
-    "path_done": ("path done", "已走轨迹"),
-    "path_unsolved": ("no solution", "无解点"),
-    "arm": ("arm", "机械臂"),
     # status line
     "cycle": (
         "Cycle late p50 {p50}, p99.9 {p99_9}, max {max}, missed {missed}",
@@ -124,6 +125,10 @@ TEXT: dict[str, tuple[str, str]] = {
     "speed": ("Speed {value}", "速度 {value}"),
     "round": ("Round {value}", "循环 {value}"),
 }
+
+
+TEXT.update(PAGE_TEXT)
+TEXT.update(SETUP_TEXT)
 
 
 def say(key: str, language: Language) -> str:

@@ -5,7 +5,9 @@ from string import Template
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
+from numpy.typing import NDArray
 from PySide6.QtGui import QFont, QFontDatabase
 from PySide6.QtWidgets import QApplication, QWidget
 
@@ -34,9 +36,11 @@ class Autopilot(Struct):
 
 
 class View(Struct):
-    """The 3-D view's first camera and its buttons' steps."""
+    """The 3-D view's level of detail, its first camera, and the steps of the view's buttons."""
 
-    points: Annotated[int, Meta(ge=1000, le=500_000)]
+    points: Annotated[int, Meta(ge=1000, le=2_000_000)]
+    chunk_gl: Annotated[int, Meta(ge=1000, le=500_000)]
+    chunk_drawn: Annotated[int, Meta(ge=1000, le=500_000)]
     fov_deg: Annotated[float, Meta(ge=10, le=120)]
     azimuth_deg: Annotated[float, Meta(ge=-360, le=360)]
     elevation_deg: Annotated[float, Meta(ge=-90, le=90)]
@@ -44,6 +48,7 @@ class View(Struct):
     centre: tuple[float, float, float]
     turn_deg: Annotated[float, Meta(gt=0, le=90)]
     zoom: Annotated[float, Meta(gt=1, le=4)]
+    section_step_m: Annotated[float, Meta(gt=0, le=1)]
 
 
 class Colours(Struct):
@@ -65,11 +70,13 @@ class Colours(Struct):
     on_normal: Colour
     reset: Colour
     on_reset: Colour
+    focus: Colour
     void: Colour
+    bar: Colour
 
 
 class SceneColours(Struct):
-    """Colours of the 3-D view; the first seven are named like core.flow.Label."""
+    """Colours of 3-D view and section; the first seven are named like core.flow.Label."""
 
     other: Colour
     sprayed: Colour
@@ -84,22 +91,68 @@ class SceneColours(Struct):
     arm: Colour
     joint: Colour
     spray: Colour
+    design: Colour
+    target: Colour
+
+
+class ChartColours(Struct):
+    """Colours of trends and maps; the scales run from low to high."""
+
+    grid: Colour
+    actual: Colour
+    target: Colour
+    unknown: Colour
+    signed: Annotated[list[Colour], Meta(min_length=2)]
+    layer: Annotated[list[Colour], Meta(min_length=2)]
+
+
+class Theme(Struct):
+    """One look of the whole screen."""
+
+    colours: Colours
+    scene: SceneColours
+    chart: ChartColours
+
+
+class Themes(Struct):
+    """The two looks."""
+
+    night: Theme
+    day: Theme
+
+
+ThemeName = Literal["night", "day"]
 
 
 class Screen(Struct):
     """Everything in config/screen.yaml."""
 
     language: Literal["zh", "en"]
+    theme: ThemeName
     refresh_ms: Annotated[int, Meta(ge=20, le=200)]
     size: Size
     touch_px: Annotated[int, Meta(ge=60, le=200)]
     stale_ms: Positive
+    frozen_ms: Positive
     quit_confirm_s: Positive
+    clearance_warn_m: Positive
+    trend_s: Annotated[float, Meta(ge=10, le=3600)]
+    lock_s: Positive
+    pin_sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
     autopilot: Autopilot
     view: View
     fonts: Annotated[list[str], Meta(min_length=1)]
-    colours: Colours
-    scene_colours: SceneColours
+    themes: Themes
+
+    @property
+    def look(self) -> Theme:
+        """The theme in use."""
+        return self.themes.night if self.theme == "night" else self.themes.day
+
+    @property
+    def other_theme(self) -> ThemeName:
+        """The theme the switch leads to."""
+        return "day" if self.theme == "night" else "night"
 
 
 def load_screen(path: Path | None = None) -> Screen:
@@ -111,7 +164,13 @@ def load_screen(path: Path | None = None) -> Screen:
     return load(path or paths.CONFIG / "screen.yaml", Screen)
 
 
-def colour_fields(colours: Colours | SceneColours) -> dict[str, str]:
+def with_theme(screen: Screen, theme: ThemeName) -> Screen:
+    """Return the configuration with another theme."""
+    changed: Screen = msgspec.structs.replace(screen, theme=theme)  # type: ignore[type-var]
+    return changed
+
+
+def colour_fields(colours: Colours | SceneColours | ChartColours) -> dict[str, str]:
     """Return the colours of a table by name."""
     fields: dict[str, str] = msgspec.to_builtins(colours)
     return fields
@@ -122,8 +181,21 @@ def style_sheet(screen: Screen) -> str:
     template = Template((paths.RESOURCES / "screen.qss").read_text(encoding="utf-8"))
     inside = screen.touch_px - 2 * BORDER_PX  # Qt's min-height does not count the border
     return template.substitute(
-        colour_fields(screen.colours), border_px=BORDER_PX, touch=inside, stop=inside + screen.touch_px
+        colour_fields(screen.look.colours), border_px=BORDER_PX, touch=inside, stop=inside + screen.touch_px
     )
+
+
+def colour_scale(colours: list[str], steps: int = 256) -> NDArray[np.uint8]:
+    """Return a scale between colours as a table of red, green, blue, shape (steps, 3)."""
+    known = np.array([rgb(colour) for colour in colours], dtype=float)
+    at = np.linspace(0.0, len(known) - 1.0, steps)
+    table = np.stack([np.interp(at, np.arange(len(known)), channel) for channel in known.T], -1)
+    return np.rint(table).astype(np.uint8)
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """Return red, green, blue of "#rrggbb", 0..255."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def find_chinese_font() -> str | None:

@@ -1,25 +1,34 @@
-"""The main window: snapshots of the session in, presses on buttons out."""
+"""The main window: a frame that is the same on every page, and the pages. Snapshots in, requests out."""
+
+from collections.abc import Callable
+from functools import partial
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QKeySequence, QShortcut
-from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
+from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtWidgets import QApplication, QHBoxLayout, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
 from ascrcp.core.errors import RefusedError
-from ascrcp.hmi.alarm_panel import AlarmPanel
+from ascrcp.hmi.alarm_bar import AlarmBar
+from ascrcp.hmi.alarms_page import AlarmsPage
+from ascrcp.hmi.automatic_page import AutomaticPage
 from ascrcp.hmi.command_rail import CommandRail
 from ascrcp.hmi.contract import Session
-from ascrcp.hmi.joint_table import JointTable
-from ascrcp.hmi.nozzle_panel import NozzlePanel
-from ascrcp.hmi.scene_view import SceneView
+from ascrcp.hmi.joints_page import JointsPage
+from ascrcp.hmi.page import Page, PageStrip
+from ascrcp.hmi.preparation import Preparation, Prepared
+from ascrcp.hmi.semi_automatic_page import SemiAutomaticPage
+from ascrcp.hmi.setup_page import SetupPage
 from ascrcp.hmi.status_line import StatusLine
 from ascrcp.hmi.status_panel import StatusPanel
 from ascrcp.hmi.step_strip import StepStrip
 from ascrcp.hmi.text import Language, say
-from ascrcp.hmi.theme import Screen
+from ascrcp.hmi.theme import Screen, apply_theme, with_theme
+from ascrcp.hmi.wall_page import WallPage
 from ascrcp.session.snapshot import Snapshot
-from ascrcp.session.state import Step
+from ascrcp.session.state import STEPS, Mode, Step
 
 STOP_KEYS = (Qt.Key.Key_Space, Qt.Key.Key_F12)
+PRESS_KEYS = (Qt.Key.Key_Return, Qt.Key.Key_Enter)
 
 
 class Window(QWidget):
@@ -37,26 +46,46 @@ class Window(QWidget):
 
     def __init__(self, session: Session, screen: Screen, language: Language) -> None:
         super().__init__()
-        self._session = session
+        self._session, self.screen_config = session, screen
         self._is_open = True
         self.language = language
         self.rail = CommandRail(screen)
-        self.status = StatusPanel()
+        self.status = StatusPanel(screen)
         self.steps = StepStrip(session.refusal)
-        self.scene = SceneView(screen, session.arm)
-        self.joints = JointTable(session.arm.joints, screen.stale_ms)
-        self.nozzle = NozzlePanel()
-        self.alarm = AlarmPanel()
+        self.automatic = AutomaticPage(session, screen)
+        self.wall = WallPage(screen)
+        self.joints_page = JointsPage(session, screen)
+        self.alarms = AlarmsPage()
+        self.semi = SemiAutomaticPage(session, screen)
+        self.setup = SetupPage(session, screen)
+        self.pages: tuple[Page, ...] = (
+            self.automatic, self.wall, self.joints_page, self.alarms, self.semi, self.setup,
+        )  # fmt: skip
+        self.strip = PageStrip(tuple(page.key for page in self.pages))
+        self.alarm = AlarmBar()
         self.line = StatusLine()
-        self.panels = (self.rail, self.status, self.steps, self.scene, self.nozzle, self.alarm, self.line)
+        self.panels = (self.rail, self.status, self.steps, self.strip, self.alarm, self.line, *self.pages)
+        self.stack = QStackedWidget()
+        for page in self.pages:
+            self.stack.addWidget(page)
+        self.preparation = Preparation(screen.view.points)
+        self._version = 0
         self._lay_out()
         self._connect()
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # or the first button would look chosen
+        self.setFocus()
         self.setMinimumSize(screen.size.width, screen.size.height)
         self.set_language(language)
+        self.show_page(self.automatic.key)
         self._timer = QTimer(self)
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.refresh)
         self._timer.start(screen.refresh_ms)
+
+    @property
+    def page(self) -> Page:
+        """The page in front."""
+        return self.pages[self.stack.currentIndex()]
 
     def refresh(self) -> None:
         """Draw the session's newest snapshot."""
@@ -64,8 +93,35 @@ class Window(QWidget):
             return
         snapshot = self._session.snapshot()
         self._draw(snapshot)
-        self.scene.show_scene(self._session.scene())
+        scene = self._session.scene()
+        if scene.version != self._version:
+            self._version = scene.version
+            for page in self.pages:
+                page.show_scene(scene)
+        ready = self.preparation.poll(scene)
+        if ready is not None:
+            self._take(ready)
         self.refreshed.emit(snapshot)
+
+    def settle(self) -> None:
+        """Draw now what else comes in slices: for pictures and tests."""
+        scene = self._session.scene()
+        if scene.version != self._version:
+            self._version = scene.version
+            for page in self.pages:
+                page.show_scene(scene)
+        ready = self.preparation.wait(scene)
+        if ready is not None:
+            self._take(ready)
+        self.automatic.scene.canvas.complete()
+
+    def show_page(self, key: str) -> None:
+        """Bring a page to the front."""
+        page = next(page for page in self.pages if page.key == key)
+        if page is not self.page:
+            self.page.leave()
+        self.stack.setCurrentWidget(page)
+        self.strip.show_front(key)
 
     def set_language(self, language: Language) -> None:
         """Write everything in a language, at once."""
@@ -73,8 +129,24 @@ class Window(QWidget):
         self.setWindowTitle(say("window", language))
         for panel in self.panels:
             panel.set_language(language)
-        self.joints.joint_model.set_language(language)
         self._draw(self._session.snapshot())
+
+    def set_theme(self, screen: Screen) -> None:
+        """Take another look."""
+        self.screen_config = screen
+        application = QApplication.instance()
+        if isinstance(application, QApplication):
+            apply_theme(application, screen)
+        for panel in self.panels:
+            panel.set_theme(screen)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
+        """Let Enter press the button that has the keyboard's focus."""
+        focused = QApplication.focusWidget()
+        if event.key() in PRESS_KEYS and isinstance(focused, QPushButton):
+            focused.click()
+            return
+        super().keyPressEvent(event)
 
     def closeEvent(self, event: QCloseEvent) -> None:  # noqa: N802
         """Stop a step under way, end timer and session, then let the window go."""
@@ -89,32 +161,32 @@ class Window(QWidget):
         self._timer.stop()
         self._stop_motion()
         self._session.close()
+        self.preparation.close()
+        self.automatic.scene.canvas.painter.close()
         self.closed.emit()
 
     def _draw(self, snapshot: Snapshot) -> None:
         self.rail.show_snapshot(snapshot)
         self.status.show_snapshot(snapshot)
         self.steps.show_snapshot(snapshot)
-        self.scene.show_snapshot(snapshot)
-        self.joints.joint_model.show_snapshot(snapshot)
-        self.nozzle.show_snapshot(snapshot)
+        self.strip.show_snapshot(snapshot)
         self.alarm.show_snapshot(snapshot)
         self.line.show_snapshot(snapshot)
+        for page in self.pages:
+            page.note_snapshot(snapshot)
+        self.page.show_snapshot(snapshot)
+
+    def _take(self, prepared: Prepared) -> None:
+        self.automatic.draw(prepared)
+        self.wall.draw(prepared)
 
     def _lay_out(self) -> None:
-        right = QVBoxLayout()
-        right.setSpacing(8)
-        right.addWidget(self.joints)
-        right.addWidget(self.nozzle, 1)
-        middle = QHBoxLayout()
-        middle.setSpacing(8)
-        middle.addWidget(self.scene, 8)
-        middle.addLayout(right, 7)
         left = QVBoxLayout()
         left.setSpacing(6)
         left.addWidget(self.status)
         left.addWidget(self.steps)
-        left.addLayout(middle, 1)
+        left.addWidget(self.strip)
+        left.addWidget(self.stack, 1)
         left.addWidget(self.alarm)
         left.addWidget(self.line)
         row = QHBoxLayout(self)
@@ -129,18 +201,38 @@ class Window(QWidget):
         rail.reset.connect(session.reset)
         rail.cancel.connect(session.cancel)
         rail.language_switched.connect(lambda: self.set_language(self.language.other))
+        rail.theme_switched.connect(self._switch_theme)
         rail.quit_asked.connect(self._stop_motion)
         rail.quit_confirmed.connect(self.close)
         self.status.mode_chosen.connect(session.choose_mode)
         self.steps.pressed.connect(self._start)
+        self.strip.chosen.connect(self.show_page)
         for key in STOP_KEYS:
-            shortcut = QShortcut(QKeySequence(key), self)
-            shortcut.setContext(Qt.ShortcutContext.ApplicationShortcut)
-            shortcut.setAutoRepeat(False)
-            shortcut.activated.connect(session.stop)
+            self._bind(key, session.stop)
+        for number, page in enumerate(self.pages):
+            self._bind(Qt.Key(Qt.Key.Key_F1 + number), partial(self.show_page, page.key))
+        for number, step in enumerate(STEPS):
+            button = self.steps.buttons[step]
+            self._bind(QKeySequence(f"Alt+{number + 1}"), button.click)
+        for letter, button in (
+            ("R", rail.reset_button), ("L", rail.language_button), ("T", rail.theme_button),
+            ("C", rail.cancel_button), ("Q", rail.quit_button), ("A", self.status.modes[Mode.AUTOMATIC]),
+            ("S", self.status.modes[Mode.SEMI_AUTOMATIC]),
+        ):  # fmt: skip
+            self._bind(QKeySequence(f"Alt+{letter}"), button.click)
+
+    def _bind(self, key: Qt.Key | QKeySequence, press: Callable[[], object]) -> None:
+        shortcut = QShortcut(QKeySequence(key), self)
+        shortcut.setContext(Qt.ShortcutContext.ApplicationShortcut)
+        shortcut.setAutoRepeat(False)
+        shortcut.activated.connect(press)
+
+    def _switch_theme(self) -> None:
+        self.set_theme(with_theme(self.screen_config, self.screen_config.other_theme))
 
     def _stop_motion(self) -> None:
-        if self._session.snapshot().job.active is not None:
+        job = self._session.snapshot().job
+        if job.active is not None or job.jogging:
             self._session.stop()
 
     def _start(self, step: Step) -> None:

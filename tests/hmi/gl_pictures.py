@@ -1,60 +1,82 @@
-"""Run on a display: both 3-D views of one scene, and the whole window in both languages, as pictures.
+"""Run on a display: one scene by both cloud painters, frame times, and the whole window, as pictures.
 
-python gl_pictures.py FOLDER writes gl_VIEW.png and drawn_VIEW.png, the window's below zh and en, and
-prints the class of the window's view.
+python gl_pictures.py FOLDER writes gl_VIEW.png, drawn_VIEW.png and FOLDER/zh, FOLDER/en, and prints
+the window's painter and the longest and middle time of a turning frame with half a million points.
 """
 
+import json
+import statistics
 import sys
+import time
 from pathlib import Path
 
 import msgspec
 from PySide6.QtWidgets import QApplication
 from rehearsal import SCAN_POSE, Rehearsal, make_scene
 
-from ascrcp.hmi import window as window_module
 from ascrcp.hmi.application import make_application, run
 from ascrcp.hmi.camera import Camera, named_cameras
-from ascrcp.hmi.drawn_view import DrawnView
-from ascrcp.hmi.gl_view import GlView
+from ascrcp.hmi.cloud import CloudPainter, SplatCloud
+from ascrcp.hmi.cloud_gl import GlCloud
+from ascrcp.hmi.preparation import prepare
+from ascrcp.hmi.scene_canvas import SceneCanvas, make_painter
 from ascrcp.hmi.scene_part import arm_line
 from ascrcp.hmi.theme import Screen, load_screen
 
 SIZE = (480, 360)
 DONE = 200
 """Planned points marked as done."""
+TURNS = 60
+MANY = 500_000
 
 
-def draw_view(kind: type[GlView] | type[DrawnView], screen: Screen, camera: Camera, place: Path) -> None:
-    view = kind(screen.scene_colours, screen.colours.void, camera)
-    view.resize(*SIZE)
-    view.show()
-    QApplication.processEvents()
+def open_canvas(painter: CloudPainter, screen: Screen, camera: Camera, points: int) -> SceneCanvas:
+    canvas = SceneCanvas(screen, camera, painter)
+    canvas.resize(*SIZE)
+    canvas.show()
     session = Rehearsal()
-    view.draw_scene(make_scene())
-    view.draw_progress(DONE)
-    view.draw_arm(arm_line(session.arm.frames(SCAN_POSE), spraying=True))
-    QApplication.processEvents()
-    assert view.grab().save(str(place))
-    view.close()
-    view.deleteLater()
+    canvas.draw_scene(prepare(make_scene(points=points), points))
+    canvas.draw_progress(DONE)
+    canvas.draw_arm(arm_line(session.arm.frames(SCAN_POSE), spraying=True))
+    return canvas
+
+
+def draw_view(painter: CloudPainter, screen: Screen, camera: Camera, place: Path) -> None:
+    canvas = open_canvas(painter, screen, camera, 40_000)
+    canvas.complete()
+    assert canvas.grab().save(str(place))
+    canvas.close()
+    canvas.deleteLater()
+
+
+def time_turning(painter: CloudPainter, screen: Screen) -> list[float]:
+    """Seconds of each frame while the view turns, from the turn to the painted widget."""
+    canvas = open_canvas(painter, screen, next(iter(named_cameras(screen.view).values())), MANY)
+    times = []
+    for _ in range(TURNS):
+        began = time.perf_counter()
+        canvas.look(canvas.camera.turn(2.7))
+        canvas.advance()
+        canvas.repaint()
+        times.append(time.perf_counter() - began)
+    canvas.close()
+    canvas.deleteLater()
+    return times
 
 
 def main(folder: Path) -> None:
     make_application()
     screen = load_screen()
     for name, camera in named_cameras(screen.view).items():
-        draw_view(GlView, screen, camera, folder / f"gl_{name}.png")
-        draw_view(DrawnView, screen, camera, folder / f"drawn_{name}.png")
-    make_view = window_module.SceneView
-
-    class Told(make_view):  # type: ignore[misc, valid-type]
-        """Say which view the window took."""
-
-        def __init__(self, screen: Screen, arm: object) -> None:
-            super().__init__(screen, arm)
-            sys.stdout.write(type(self.widget).__name__ + "\n")
-
-    window_module.SceneView = Told  # type: ignore[misc]
+        draw_view(GlCloud(screen.view.chunk_gl), screen, camera, folder / f"gl_{name}.png")
+        draw_view(SplatCloud(screen.view.chunk_drawn), screen, camera, folder / f"drawn_{name}.png")
+    painter = make_painter(screen)
+    told: dict[str, object] = {"painter": type(painter).__name__}
+    for key, one in (("gl", painter), ("drawn", SplatCloud(screen.view.chunk_drawn))):
+        times = time_turning(one, screen)
+        told[f"{key}_frame_ms"] = [1e3 * statistics.median(times), 1e3 * max(times)]
+    sys.stdout.write(json.dumps(told) + "\n")
+    QApplication.processEvents()
     for language in ("zh", "en"):
         shown = msgspec.structs.replace(screen, language=language)
         code = run(Rehearsal(), offscreen=False, pictures=folder / language, auto=True, screen=shown)

@@ -9,17 +9,62 @@ import numpy as np
 
 from ascrcp.core.errors import RefusedError
 from ascrcp.core.event import Reaction
-from ascrcp.core.flow import Label
+from ascrcp.core.flow import Arch, Axis, Bay, JointSequence, Label, Overbreak, Surface
+from ascrcp.core.machine_io import MachineInputs
+from ascrcp.core.profile import Arc, Profile
 from ascrcp.kinematics import load_arm
 from ascrcp.session import state
-from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot
+from ascrcp.session.alarm_history import AlarmHistory
+from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot, WallLayer
 from ascrcp.session.state import JobState, Mode, Refusal, Step
 
 SCAN_POSE = np.array([0.0, np.radians(20), 0.5, np.radians(-10), 0.0, 0.5, np.radians(90), np.radians(120)])
 
 
+def make_surface(points: np.ndarray, labels: np.ndarray) -> Surface:
+    """Return the wall of `make_scene`, with a pocket whose middle nobody has seen."""
+    profile = Profile(
+        name="round",
+        arcs=(Arc(centre=(0.0, 0.0), radius=5.5, start_deg=-10.0, end_deg=190.0),),
+        arch_line=-0.22,
+        overbreak_line=0.15,
+        arch_width=0.2,
+        spray_depth=3.0,
+    )
+    station = np.arange(4.0, 14.0, 0.05)
+    along = np.arange(0.0, profile.length, 0.05)
+    s, phi = np.meshgrid(station, profile.angle(along), indexing="ij")
+    pocket = np.exp(-(((s - 11.6) / 0.5) ** 2) - ((phi - 2.0) / 0.25) ** 2)
+    offset = np.where(s < 9.0, -0.22, 0.05 * np.sin(3 * s) * np.cos(5 * phi) + 0.35 * pocket).astype(
+        np.float32
+    )
+    offset[(np.abs(s - 10.6) < 0.2) & (phi < 0.3)] = np.nan
+    return Surface(
+        axis=Axis(np.zeros(3), np.array([1.0, 0.0, 0.0])),
+        profile=profile,
+        unsprayed=(9.0, 12.4),
+        arches=(Arch(10.5, 0.2, 1.5, (0.0, 180.0)),),
+        overbreak=(Overbreak((11.1, 12.1), (98.0, 131.0), 2.1, 0.31, 0.24, 0.97),),
+        bays=(Bay((9.0, 10.4), None, 0), Bay((10.6, 12.4), 0, None)),
+        station=station,
+        along=along,
+        offset=offset,
+        filled=np.zeros(offset.shape, bool),
+        points=points,
+        labels=labels,
+    )
+
+
+def make_sequence(path: np.ndarray, direction: np.ndarray, q: np.ndarray) -> JointSequence:
+    """Return a slow sway about a pose over all planned points, half a second each."""
+    n = len(path)
+    sway = 0.2 * np.sin(np.linspace(0.0, 6.0, n))[:, None] * np.ones(len(q))
+    every = np.arange(n)
+    return JointSequence(0.5 * every, q + sway, path, direction, every, every % 60 != 59)
+
+
 def make_scene(version: int = 1, points: int = 40_000, seed: int = 0) -> Scene:
-    """Return a round tunnel with an arch, overbreak and a path of six passes."""
+    """Return a round tunnel with an arch, overbreak, a path of six passes and what hangs on them."""
     rng = np.random.default_rng(seed)
     x, phi = rng.uniform(4.0, 14.0, points), rng.uniform(-0.3, np.pi + 0.3, points)
     labels = np.full(points, Label.SPRAYED, np.uint8)
@@ -34,7 +79,17 @@ def make_scene(version: int = 1, points: int = 40_000, seed: int = 0) -> Scene:
     path = np.stack([station, -4.3 * np.cos(swing), 4.3 * np.sin(swing)], -1)
     solved = np.ones(len(path), bool)
     solved[100:104] = False
-    return Scene(version, wall, labels, path, np.repeat(np.arange(6), len(angle)), solved, None)
+    direction = np.stack([np.zeros(len(path)), -np.cos(swing), np.sin(swing)], -1)
+    clearance = np.full(len(path), 0.4)
+    clearance[30:40] = 0.11
+    surface = make_surface(wall, labels)
+    laid = np.maximum(surface.offset + 0.03, 0.0)
+    return Scene(
+        version, wall, labels, path, np.repeat(np.arange(6), len(angle)), solved,
+        surface=surface, path_direction=direction, clearance=clearance,
+        sequence=make_sequence(path, direction, SCAN_POSE),
+        predicted=WallLayer(surface.station, surface.along, laid),
+    )  # fmt: skip
 
 
 class Rehearsal:
@@ -53,6 +108,7 @@ class Rehearsal:
         self.more: dict[str, object] = {}
         self.messages: list[Announcement] = []
         self.drawn = Scene()
+        self.history = AlarmHistory()
 
     def snapshot(self) -> Snapshot:
         self.moment += 1
@@ -60,6 +116,7 @@ class Rehearsal:
         n = len(self.arm.joints)
         q = SCAN_POSE + (0.002 * self.moment if self.job.active and self.job.active.moves else 0.0)
         points = len(self.drawn.path)
+        self.history.update(0.02 * self.moment, self.causes)
         share = 1.0 - self.left / self.ticks if self.job.active else 0.0
         running = self.job.active is Step.RUN
         point = int(share * (points - 1)) if running else -1
@@ -92,6 +149,19 @@ class Rehearsal:
             lateness=Lateness(0.1, 1.2, 2.7, 0),
             realtime_factor=20.4,
             round_dir="rounds/2026-11-02_round_0042",
+            alarms=self.history.alarms,
+            inputs=MachineInputs(
+                t_ns=20_000_000 * self.moment,
+                q=tuple(q.tolist()),
+                age_ns=(8_000_000,) * n,
+                in_range=(True,) * n,
+                estop=self.estop,
+                controller_age_ns=9_000_000,
+                controller_enabled=running,
+                oil_temp_c=43.6,
+                pump_flow=0.8 if running else 0.0,
+            ),
+            frames=tuple((0x201 + i, bytes([self.moment % 256, i, 0, 1, 2, 3, 4, 5])) for i in range(12)),
         )
         return replace(shown, **self.more)
 

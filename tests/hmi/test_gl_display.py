@@ -1,5 +1,6 @@
 """The window on a display with OpenGL (a virtual one where there is no other): what is really drawn."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -15,8 +16,8 @@ from PIL import Image
 from rehearsal import SCAN_POSE
 
 from ascrcp.hmi.camera import named_cameras
-from ascrcp.hmi.scene_part import arm_line, rgb
-from ascrcp.hmi.theme import load_screen
+from ascrcp.hmi.scene_part import arm_line
+from ascrcp.hmi.theme import load_screen, rgb
 from ascrcp.kinematics import load_arm
 
 pytestmark = pytest.mark.display
@@ -80,7 +81,7 @@ def test_the_arm_is_where_it_is_and_before_everything(drawn: tuple[Path, str], k
     pixels, _ = CAMERAS[name].project(along, *SIZE)
     inside = ((pixels > 2) & (pixels < np.array(SIZE) - 3)).all(axis=1)
     seen = picture[tuple(np.rint(pixels[inside]).astype(int).T[::-1])]
-    colours = np.array([rgb(SCREEN.scene_colours.arm), rgb(SCREEN.scene_colours.joint)])
+    colours = np.array([rgb(SCREEN.look.scene.arm), rgb(SCREEN.look.scene.joint)])
     off = np.abs(seen[:, None] - colours).max(axis=2).min(axis=1)
     assert inside.sum() > 20
     assert (off < 40).mean() > 0.85  # the rest lies under the spray's line
@@ -88,11 +89,13 @@ def test_the_arm_is_where_it_is_and_before_everything(drawn: tuple[Path, str], k
 
 def test_the_window_takes_opengl_and_shows_the_job_in_both_languages(drawn: tuple[Path, str]) -> None:
     folder, said = drawn
-    assert said.split() == ["GlView", "GlView"]
+    told = json.loads(said)
+    assert told["painter"] == "GlCloud"
+    assert told["gl_frame_ms"][0] < 50.0 and told["drawn_frame_ms"][0] < 50.0  # 20 frames a second
     pictures = {language: read(folder / language / "05_run.png") for language in ("zh", "en")}
     assert (pictures["zh"] != pictures["en"]).any()
     for language, picture in pictures.items():
         for name in ("arm", "path_done", "joint"):
-            colour = np.array(rgb(getattr(SCREEN.scene_colours, name)))
+            colour = np.array(rgb(getattr(SCREEN.look.scene, name)))
             near = (np.abs(picture - colour).max(axis=2) <= 2).sum()
             assert near > 20, (language, name)

@@ -71,25 +71,31 @@ def test_duration(seconds: float, text: str) -> None:
     assert quantity.show_duration(seconds) == text
 
 
-def test_text_stands_out_from_what_is_behind_it(screen: Screen) -> None:
-    c = screen.colours
+@pytest.mark.parametrize("theme", ["night", "day"])
+def test_text_stands_out_from_what_is_behind_it(screen: Screen, theme: str) -> None:
+    look = getattr(screen.themes, theme)
+    c = look.colours
     pairs = [
-        *((c.text, behind) for behind in (c.background, c.panel, c.button, c.pressed, c.off, c.normal)),
+        *((c.text, behind) for behind in (c.background, c.panel, c.button, c.pressed, c.off, c.bar)),
         *((c.muted, behind) for behind in (c.background, c.panel, c.off, c.button)),
         (c.on_danger, c.danger),
         (c.on_reset, c.reset),
         (c.on_abnormal, c.abnormal),
         (c.on_normal, c.normal),
+        (c.text, c.void),
     ]
     for text, behind in pairs:
         assert contrast(text, behind) >= 4.5, (text, behind)
-    for name, colour in colour_fields(screen.scene_colours).items():
-        if name not in ("ground", "other"):
+    for name, colour in colour_fields(look.scene).items():
+        if name not in ("ground", "other", "face", "sprayed", "path_unsolved"):
             assert contrast(colour, c.void) >= 3.0, name
+    for colour in (look.chart.actual, look.chart.target):
+        assert contrast(colour, c.void) >= 3.0
 
 
-def test_every_label_has_a_colour_of_its_own(screen: Screen) -> None:
-    colours = colour_fields(screen.scene_colours)
+@pytest.mark.parametrize("theme", ["night", "day"])
+def test_every_label_has_a_colour_of_its_own(screen: Screen, theme: str) -> None:
+    colours = colour_fields(getattr(screen.themes, theme).scene)
     named = [colours[label.name.lower()] for label in Label]
     assert len(set(named)) == len(Label)
 

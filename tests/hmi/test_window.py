@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QCoreApplication, QObject, QPoint, Qt, QTimer
 from PySide6.QtGui import QImage
-from PySide6.QtWidgets import QAbstractButton, QApplication, QLabel
+from PySide6.QtWidgets import QAbstractButton, QApplication, QLabel, QWidget
 from pytestqt.qtbot import QtBot
 from rehearsal import Rehearsal, make_scene
 
 from ascrcp.core.event import EVENTS, Reaction
-from ascrcp.hmi.joint_table import JointTable
 from ascrcp.hmi.status_panel import platform_state
 from ascrcp.hmi.text import STEP_NAME, Language, say
 from ascrcp.hmi.theme import Screen
@@ -84,7 +83,7 @@ def test_whole_job_by_hand(open_window: Opener, qtbot: QtBot) -> None:
         assert f"{step.value} done" in window.alarm.messages.text()
         assert len(session.messages) == number
     assert window.status.state.text() == say("finished", Language.EN)
-    assert window.scene._version == session.drawn.version == 1
+    assert window.automatic.scene._scene.version == session.drawn.version == 1
 
 
 @pytest.mark.parametrize("how", ["button", "space", "f12"])
@@ -140,7 +139,7 @@ def shown_texts(window: Window) -> dict[str, str]:
     for index, widget in enumerate(window.findChildren(QObject)):
         if isinstance(widget, (QLabel, QAbstractButton)) and widget.isVisible() and widget.text():
             texts[f"{index} {type(widget).__name__}"] = widget.text()
-    model = window.joints.joint_model
+    model = window.automatic.joints.joint_model
     for column in range(model.columnCount()):
         texts[f"header {column}"] = model.headerData(column, Qt.Orientation.Horizontal)
     for row in range(model.rowCount()):
@@ -192,7 +191,7 @@ def test_numbers_are_shown_in_their_units(open_window: Opener) -> None:
         "points": 482, "oil_temp_c": 43.6, "t_s": 754.2,
     }  # fmt: skip
     window = open_window(session)
-    model = window.joints.joint_model
+    model = window.automatic.joints.joint_model
 
     def row(number: int) -> list[str]:
         return [model.data(model.index(number - 1, column)) for column in range(1, 5)]
@@ -202,9 +201,9 @@ def test_numbers_are_shown_in_their_units(open_window: Opener) -> None:
     assert row(3) in (["1234 mm", "1244 mm", "+10 mm", "+0 %"], ["1234 mm", "1245 mm", "+10 mm", "+0 %"])
     assert row(6) == ["500 mm", "–", "–", "+0 %"]
     assert row(8)[0] == "▲ –"
-    assert window.nozzle.values["position"].text() == "8.100  -2.400  3.000 m"
-    assert window.nozzle.values["nozzle_error"].text() == "17 mm   0.4°"
-    assert window.nozzle.values["points"].text() == "118 of 482 reached, 2 skipped"
+    assert window.automatic.nozzle.values["position"].text() == "8.100  -2.400  3.000 m"
+    assert window.automatic.nozzle.values["nozzle_error"].text() == "17 mm   0.4°"
+    assert window.automatic.nozzle.values["points"].text() == "118 of 482 reached, 2 skipped"
     assert window.line.fields["oil"].text() == "Oil 44 °C"
     assert window.line.fields["job_time"].text() == "Job time 12:34"
     assert "max 2.7 ms" in window.line.fields["cycle"].text()
@@ -217,7 +216,10 @@ def test_first_alarm_is_shown_with_cause_effect_action(open_window: Opener, code
     for language in Language:
         window = open_window(session, language)
         event = EVENTS[code]
-        shown = [window.alarm.rows[key][1].text() for key in ("cause", "consequence", "action")]
+        window.show_page("alarms")
+        refresh(window)
+        shown = [window.alarms.rows[key][1].text() for key in ("cause", "consequence", "action")]
+        assert window.alarm.rows["action"][1].text() == event.action[language]
         assert shown == [event.cause[language], event.consequence[language], event.action[language]]
         assert event.fault in window.alarm.title.text()
 
@@ -275,8 +277,8 @@ def test_mode_can_be_chosen_at_rest_only(open_window: Opener, qtbot: QtBot) -> N
     qtbot.mouseClick(window.status.modes[Mode.SEMI_AUTOMATIC], Qt.MouseButton.LeftButton)
     refresh(window)
     assert session.job.mode is Mode.SEMI_AUTOMATIC
-    assert window.nozzle.title.text() == say("nozzle_semi", Language.EN)
-    assert "by the operator" in window.nozzle.values["spray"].text()
+    assert window.automatic.nozzle.title.text() == say("nozzle_semi", Language.EN)
+    assert "by the operator" in window.automatic.nozzle.values["spray"].text()
     assert window.steps.reasons[Step.RUN].text() == Refusal.NEEDS_JOYSTICK.value[0]
     session.start(Step.ZERO)
     refresh(window)
@@ -318,9 +320,10 @@ def test_picture_shows_cloud_path_and_arm(open_window: Opener, screen: Screen, l
     session.drawn = make_scene()
     session.start(Step.RUN)
     window = open_window(session, language)
+    window.settle()
     full = pixels(window)
     assert full.shape == (screen.size.height, screen.size.width, 3)
-    view = window.scene.widget
+    view = window.automatic.scene.canvas
     corner = view.mapTo(window, QPoint(0, 0))
     area = np.s_[corner.y() : corner.y() + view.height(), corner.x() : corner.x() + view.width()]
     assert len(np.unique(empty[area].reshape(-1, 3), axis=0)) > 5  # the arm
@@ -336,7 +339,7 @@ def test_done_part_of_the_path_stays_until_the_next_run(open_window: Opener) -> 
     def marked(point: int) -> int:
         session.more = {"point": point}
         refresh(window)
-        return window.scene._point
+        return window.automatic.scene._point
 
     assert [marked(point) for point in (3, -1, 7, 7, -1)] == [3, 3, 7, 7, 7]
     session.job = JobState(stopped=False, done=frozenset(STEPS))
@@ -358,37 +361,41 @@ def test_a_refresh_is_short(open_window: Opener) -> None:
     assert (time.process_time() - started) / len(snapshots) < 0.006  # design: 3 ms; this machine is shared
 
 
-def check_columns(window: Window) -> None:
-    table = window.joints
-    names = [table.joint_model.data(table.joint_model.index(row, 0)) for row in range(8)]
-    for column, texts in enumerate((names, ["▲ 2200 mm"], ["2200 mm"], ["-800 mm"], ["-100 %"])):
-        needed = max(map(table.fontMetrics().horizontalAdvance, texts))
-        assert needed + 12 <= table.columnWidth(column), texts
+@pytest.mark.parametrize("language", Language)
+@pytest.mark.parametrize("page", ["automatic", "wall", "joints", "alarms", "semi", "setup"])
+def test_no_text_is_cut(open_window: Opener, language: Language, page: str) -> None:
+    """Every label's words fit its place in both languages, on every page, in the longest states."""
+    session = ready(4, ticks=99, active=Step.RUN)
+    session.drawn = make_scene()
+    session.causes = ("following_error", "bus_error")
+    for session.more in ({}, {"estop": True, "reaction": Reaction.ESTOP}, {"point": 35}):
+        window = open_window(session, language)
+        window.settle()
+        window.show_page(page)
+        refresh(window, 3)
+        assert cut_texts(window) == []
 
 
-def test_no_text_is_cut(open_window: Opener) -> None:
-    """Every label's words fit its place in both languages, in the longest states."""
-    for language in Language:
-        session = ready(4, ticks=99, active=Step.RUN)
-        session.causes = ("following_error", "bus_error")
-        for session.more in ({}, {"estop": True, "reaction": Reaction.ESTOP}):
-            window = open_window(session, language)
-            for label in window.findChildren(QLabel):
-                if not label.isVisible() or not label.text() or label.parent() is None:
-                    continue
-                margin = 2
-                if label.wordWrap():
-                    needed = label.heightForWidth(label.width())
-                    assert needed <= label.height() + margin, label.text()
-                else:
-                    width = label.fontMetrics().size(0, label.text()).width()
-                    assert width <= label.width() + margin, label.text()
-            check_columns(window)
-            for button in window.findChildren(QAbstractButton):
-                if button.isVisible() and button.text():
-                    assert button.fontMetrics().size(0, button.text()).width() <= button.width(), (
-                        button.text()
-                    )
+def cut_texts(window: QWidget) -> list[str]:
+    """Return the texts that do not fit their places."""
+    cut = []
+    for label in window.findChildren(QLabel):
+        if not label.isVisible() or not label.text() or label.parent() is None:
+            continue
+        margin = 2
+        if label.wordWrap():
+            fits = label.heightForWidth(label.width()) <= label.height() + margin
+        else:
+            size = label.fontMetrics().size(0, label.text())
+            fits = size.width() <= label.width() + margin and size.height() <= label.height() + margin
+        if not fits:
+            cut.append(label.text())
+    for button in window.findChildren(QAbstractButton):
+        if button.isVisible() and button.text():
+            size = button.fontMetrics().size(0, button.text())
+            if size.width() > button.width() or size.height() > button.height():
+                cut.append(button.text())
+    return cut
 
 
 @pytest.mark.parametrize("language", Language)
@@ -398,9 +405,10 @@ def test_no_value_in_the_joint_table_is_cut(open_window: Opener, language: Langu
     session.more = {"q": far, "q_target": far, "drive": (-1.0,) * 8, "age_ms": (999.0,) * 8}
     window = open_window(session, language)
     refresh(window, 2)
-    table = window.findChild(JointTable)
-    assert table is not None
-    for row, column in product(range(8), range(5)):
-        index = table.joint_model.index(row, column)
-        needed = table.sizeHintForIndex(index).width()
-        assert needed <= table.columnWidth(column), f"{index.data()!r} needs {needed} px"
+    for page, table in (("automatic", window.automatic.joints), ("joints", window.joints_page.table)):
+        window.show_page(page)
+        refresh(window, 2)
+        for row, column in product(range(8), range(table.joint_model.columnCount())):
+            index = table.joint_model.index(row, column)
+            needed = table.sizeHintForIndex(index).width()
+            assert needed <= table.columnWidth(column), f"{index.data()!r} needs {needed} px"

@@ -1,4 +1,4 @@
-"""The alarm that came first, with cause, effect and action, and the last messages beside it."""
+"""One bar on every page: the alarm that came first with its cause and what to do, and the newest message."""
 
 import html
 
@@ -6,17 +6,15 @@ from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QVBoxLayout
 
 from ascrcp.core.event import EVENTS, Event
-from ascrcp.hmi.panel import Panel, make_label
+from ascrcp.hmi.panel import Panel, make_label, set_text
 from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import set_look
 from ascrcp.session.snapshot import Announcement, Snapshot
 
-PANEL_PX = 112
-"""Four lines and a margin [px], with an alarm or without."""
-LINE_PX = 19
-"""Height of one line of a message, so that an older one that does not fit is left out whole [px]."""
-MESSAGES = 4
+BAR_PX = 92
+MESSAGES = 3
 """Announcements shown at once; newest on top."""
+LINE_PX = 22
 
 
 def mark_message(message: Announcement, language: Language) -> str:
@@ -25,13 +23,34 @@ def mark_message(message: Announcement, language: Language) -> str:
     return f"<b>✖ {text}</b>" if message.failure else f"✔ {text}"
 
 
-class AlarmPanel(Panel):
+def describe(event: Event | None, code: str, key: str, language: Language) -> str:
+    """Return cause, consequence or action of an event; of one newer than this table its code."""
+    if event is None:
+        return code if key == "cause" else ""
+    return {"cause": event.cause, "consequence": event.consequence, "action": event.action}[key][language]
+
+
+def alarm_title(causes: tuple[str, ...], language: Language) -> tuple[str, str]:
+    """Return title and look of the first cause; a stop or a start-up is a notice, no alarm."""
+    if not causes:
+        return say("no_alarm", language), "calm"
+    event = EVENTS.get(causes[0])
+    is_fault = event is None or event.fault != ""
+    fault = event.fault if event is not None else ""
+    title = say("alarm" if is_fault else "notice", language).format(fault=fault)
+    if len(causes) > 1:
+        title += f"   ({say('first_of', language).format(n=len(causes))})"
+    return title, "danger" if is_fault else "abnormal"
+
+
+class AlarmBar(Panel):
     """First-out alarm at the left, announcements at the right."""
 
     def __init__(self) -> None:
         super().__init__(framed=False)
-        self.setFixedHeight(PANEL_PX)
+        self.setFixedHeight(BAR_PX)
         self._newest = 0
+        self._shown: tuple[object, ...] = ()
         self._refusal: Announcement | None = None
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
@@ -39,13 +58,10 @@ class AlarmPanel(Panel):
         alarm = Panel()
         grid = QGridLayout(alarm)
         grid.setContentsMargins(8, 4, 8, 4)
-        grid.setVerticalSpacing(1)
+        grid.setVerticalSpacing(0)
         self.title = make_label("alarm")
         grid.addWidget(self.title, 0, 0, 1, 2)
-        self.rows = {
-            key: (make_label("title", width=60), make_label("value"))
-            for key in ("cause", "consequence", "action")
-        }
+        self.rows = {key: (make_label("title", width=66), make_label("value")) for key in ("cause", "action")}
         for line, (name, value) in enumerate(self.rows.values(), 1):
             grid.addWidget(name, line, 0)
             grid.addWidget(value, line, 1)
@@ -53,32 +69,33 @@ class AlarmPanel(Panel):
         row.addWidget(alarm, 3)
         messages = Panel()
         column = QVBoxLayout(messages)
-        column.setContentsMargins(8, 4, 8, 4)
-        column.setSpacing(1)
-        self.heading = make_label("title")
-        column.addWidget(self.heading)
+        column.setContentsMargins(8, 2, 8, 2)
+        column.setSpacing(0)
         self.messages = make_label("message", wrap=True)
         self.messages.setTextFormat(Qt.TextFormat.RichText)
         self.messages.setAlignment(Qt.AlignmentFlag.AlignTop)
-        self.messages.setFixedHeight(MESSAGES * LINE_PX)
+        self.messages.setFixedHeight(BAR_PX - 8)
         column.addWidget(self.messages)
-        column.addStretch()
         row.addWidget(messages, 2)
 
     def set_language(self, language: Language) -> None:
         """Write the fixed texts in a language."""
         super().set_language(language)
-        self.heading.setText(say("messages", language))
+        self._shown = ()
         for key, (name, _) in self.rows.items():
             name.setText(say(key, language))
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
-        """Draw the first cause and the newest messages."""
-        self._show_alarm(snapshot.causes)
+        """Draw the first cause and the newest messages, if they changed."""
         messages = snapshot.announcements
         self._newest = messages[-1].number if messages else 0
         if self._refusal is not None and self._refusal.number == self._newest:
             messages = (*messages, self._refusal)
+        shown = (snapshot.causes, messages, self.language)
+        if shown == self._shown:
+            return
+        self._shown = shown
+        self._show_alarm(snapshot.causes)
         newest = messages[: -MESSAGES - 1 : -1]
         self.messages.setText("<br>".join(mark_message(message, self.language) for message in newest))
 
@@ -87,28 +104,10 @@ class AlarmPanel(Panel):
         self._refusal = Announcement(self._newest, reason, failure=True)
 
     def _show_alarm(self, causes: tuple[str, ...]) -> None:
-        for name, _ in self.rows.values():
+        title, look = alarm_title(causes, self.language)
+        set_text(self.title, title)
+        set_look(self.title, look)
+        event = EVENTS.get(causes[0]) if causes else None
+        for key, (name, value) in self.rows.items():
             name.setVisible(bool(causes))
-        if not causes:
-            self.title.setText(say("no_alarm", self.language))
-            set_look(self.title, "calm")
-            for _, value in self.rows.values():
-                value.setText("")
-            return
-        event = EVENTS.get(causes[0])
-        is_fault = event is None or event.fault != ""  # a stop or a start-up is no fault
-        fault = event.fault if event is not None else ""
-        title = say("alarm" if is_fault else "notice", self.language).format(fault=fault)
-        if len(causes) > 1:
-            title += f"   ({say('first_of', self.language).format(n=len(causes))})"
-        self.title.setText(title)
-        set_look(self.title, "danger" if is_fault else "abnormal")
-        for key, (_, value) in self.rows.items():
-            value.setText(self._describe(event, causes[0], key))
-
-    def _describe(self, event: Event | None, code: str, key: str) -> str:
-        if event is None:  # newer than this screen's table: show its code rather than nothing
-            return code if key == "cause" else ""
-        return {"cause": event.cause, "consequence": event.consequence, "action": event.action}[key][
-            self.language
-        ]
+            set_text(value, describe(event, causes[0], key, self.language) if causes else "")

@@ -1,0 +1,86 @@
+"""The automatic page: 3-D scene with the dry run, joints and nozzle (thesis 6.1.2)."""
+
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout
+
+from ascrcp.hmi.contract import Session
+from ascrcp.hmi.joint_table import JointTable
+from ascrcp.hmi.nozzle_panel import NozzlePanel
+from ascrcp.hmi.page import Page
+from ascrcp.hmi.panel import make_label
+from ascrcp.hmi.playback import PlaybackBar
+from ascrcp.hmi.preparation import Prepared
+from ascrcp.hmi.scene_view import SceneView
+from ascrcp.hmi.text import Language, say
+from ascrcp.hmi.theme import Screen
+from ascrcp.session.snapshot import Scene, Snapshot
+
+
+class AutomaticPage(Page):
+    """Watch the job: what is done, where the arm is, how far off."""
+
+    key = "automatic"
+
+    def __init__(self, session: Session, screen: Screen) -> None:
+        super().__init__()
+        self.scene = SceneView(screen, session.arm)
+        self.playback = PlaybackBar(screen.refresh_ms)
+        self.dry_note = make_label("warning", centred=True)
+        self.dry_note.hide()
+        self.joints = JointTable(session.arm.joints, screen.stale_ms)
+        self.nozzle = NozzlePanel()
+        left, right = QVBoxLayout(), QVBoxLayout()
+        left.setSpacing(6)
+        left.addWidget(self.dry_note)
+        left.addWidget(self.scene, 1)
+        left.addWidget(self.playback)
+        right.setSpacing(6)
+        right.addWidget(self.joints)
+        right.addWidget(self.nozzle, 1)
+        row = QHBoxLayout(self)
+        row.setContentsMargins(0, 0, 0, 0)
+        row.setSpacing(8)
+        row.addLayout(left, 50)
+        row.addLayout(right, 49)
+        self.playback.posed.connect(self._pose)
+
+    def set_language(self, language: Language) -> None:
+        """Write the fixed texts in a language."""
+        super().set_language(language)
+        for panel in (self.scene, self.playback, self.nozzle):
+            panel.set_language(language)
+        self.joints.joint_model.set_language(language)
+        self.dry_note.setText(say("dry_run_note", language))
+
+    def set_theme(self, screen: Screen) -> None:
+        """Take a theme's colours."""
+        self.scene.set_theme(screen)
+
+    def note_snapshot(self, snapshot: Snapshot) -> None:
+        """Follow the path even while another page is in front."""
+        self.scene.note_progress(snapshot)
+
+    def show_snapshot(self, snapshot: Snapshot) -> None:
+        """Draw arm, joints and nozzle."""
+        self.scene.show_snapshot(snapshot)
+        self.playback.show_snapshot(snapshot)
+        self.joints.joint_model.show_snapshot(snapshot)
+        self.nozzle.show_snapshot(snapshot)
+
+    def show_scene(self, scene: Scene) -> None:
+        """Take the loaded sequence."""
+        self.playback.show_scene(scene)
+
+    def draw(self, prepared: Prepared) -> None:
+        """Draw another cloud and path."""
+        self.scene.draw(prepared)
+
+    def leave(self) -> None:
+        """End the dry run."""
+        self.playback.end()
+
+    def _pose(self, pose: tuple[tuple[float, ...], bool] | None) -> None:
+        self.dry_note.setVisible(pose is not None)
+        if pose is None:
+            self.scene.show_ghost(None)
+        else:
+            self.scene.show_ghost(*pose)

@@ -1,0 +1,223 @@
+"""The 3-D picture: a cloud drawn chunk by chunk, path and sprayed part over it, the arm on top."""
+
+import numpy as np
+from PySide6.QtCore import QLineF, QPointF, Qt
+from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent
+from PySide6.QtWidgets import QWidget
+
+from ascrcp.core.errors import DeviceError
+from ascrcp.core.geometry import Array
+from ascrcp.hmi.camera import NEAR, Camera
+from ascrcp.hmi.cloud import CloudPainter, SplatCloud
+from ascrcp.hmi.preparation import Prepared
+from ascrcp.hmi.scene_part import (
+    ArmLine,
+    arrow_wings,
+    label_table,
+    path_segments,
+    project_lines,
+    unsolved_points,
+    wall_hits,
+)
+from ascrcp.hmi.theme import Screen, colour_fields, rgb
+from ascrcp.session.snapshot import Scene
+
+SPRAYED_PX = 13
+"""Width of the sprayed band on the wall [px]."""
+SPRAYED_ALPHA = 130
+DRAG_DEG_PX = 0.3
+"""Degrees the view turns for a pixel dragged; the buttons do the same without dragging."""
+GHOST_DASH = (3.0, 2.0)
+
+
+def make_painter(screen: Screen, allow_gl: bool = True) -> CloudPainter:
+    """Return the cloud's painter: with OpenGL where a context can be made, else without."""
+    if allow_gl:
+        try:
+            from ascrcp.hmi.cloud_gl import GlCloud  # loads libGL, absent on a bare machine
+
+            return GlCloud(screen.view.chunk_gl)
+        except (DeviceError, ImportError, AttributeError):
+            pass
+    return SplatCloud(screen.view.chunk_drawn)
+
+
+def lines_of(pairs: Array) -> list[QLineF]:
+    """Return Qt's lines from pixels, shape (k, 2, 2)."""
+    return [QLineF(*row) for row in pairs.reshape(-1, 4).tolist()]
+
+
+class SceneCanvas(QWidget):
+    """Keeps the cloud's picture until scene, camera, size or colours change.
+
+    `advance` is called at every refresh: it draws one more chunk of the cloud, so that a view that
+    turns shows an even sample and one at rest fills up.
+    """
+
+    def __init__(self, screen: Screen, camera: Camera, painter: CloudPainter | None = None) -> None:
+        super().__init__()
+        self.painter = painter or make_painter(screen)
+        self.camera = camera
+        self._prepared: Prepared | None = None
+        self._scene = Scene()
+        self._hits: Array = np.zeros((0, 3))
+        self._segments = path_segments(self._scene)
+        self._done, self._drawn = -1, -1
+        self._arm: ArmLine | None = None
+        self._ghost: ArmLine | None = None
+        self._still: QImage | None = None
+        self._layer: QImage | None = None
+        self._is_stale, self._has_more = True, False
+        self._held: QPointF | None = None
+        self.set_theme(screen)
+
+    def set_theme(self, screen: Screen) -> None:
+        """Take a theme's colours."""
+        colours = screen.look.scene
+        self._table = label_table(colours)
+        self._pens = {name: QColor(value) for name, value in colour_fields(colours).items()}
+        self._void = rgb(screen.look.colours.void)
+        self._send_cloud()
+
+    def look(self, camera: Camera) -> None:
+        """Take another camera."""
+        self.camera = camera
+        self._forget()
+
+    def draw_scene(self, prepared: Prepared) -> None:
+        """Take another scene."""
+        self._prepared, self._scene = prepared, prepared.scene
+        self._segments, self._hits = path_segments(self._scene), wall_hits(self._scene)
+        self._send_cloud()
+
+    def draw_progress(self, point: int) -> None:
+        """Mark the path as done up to a planned point; -1 for nothing."""
+        if point < self._done:
+            self._layer = None
+        self._done = point
+        self.update()
+
+    def draw_arm(self, arm: ArmLine) -> None:
+        """Put the arm where it is now."""
+        self._arm = arm
+        self.update()
+
+    def draw_ghost(self, arm: ArmLine | None) -> None:
+        """Put the dry run's arm, None for none."""
+        self._ghost = arm
+        self.update()
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether every point of the cloud is in the picture."""
+        return not (self._is_stale or self._has_more)
+
+    def advance(self) -> None:
+        """Draw one more chunk of the cloud if there is one."""
+        if self.is_complete:
+            return
+        if self._is_stale:
+            self.painter.begin(self.camera, max(1, self.width()), max(1, self.height()), self._void)
+            self._is_stale = False
+        self._has_more = self.painter.add()
+        self._still = self.painter.image()
+        self.update()
+
+    def complete(self) -> None:
+        """Draw all of the cloud now: for pictures."""
+        while not self.is_complete:
+            self.advance()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:  # noqa: N802
+        """Draw anew in another size."""
+        super().resizeEvent(event)
+        self._forget()
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:  # noqa: N802
+        """Take hold of the view."""
+        self._held = event.position()
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:  # noqa: N802
+        """Turn with the finger."""
+        if self._held is not None:
+            moved, self._held = event.position() - self._held, event.position()
+            self.look(self.camera.turn(-DRAG_DEG_PX * moved.x()))
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
+        """Copy the kept pictures, then draw the arm over them."""
+        if self._still is None:
+            self.advance()
+        layer = self._layer or self._draw_layer()
+        self._draw_done(layer)
+        painter = QPainter(self)
+        if self._still is not None:
+            painter.drawImage(0, 0, self._still)
+        painter.drawImage(0, 0, layer)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        if self._arm is not None:
+            self._draw_arm(painter, self._arm, is_ghost=False)
+        if self._ghost is not None:
+            self._draw_arm(painter, self._ghost, is_ghost=True)
+        painter.end()
+
+    def _send_cloud(self) -> None:
+        if self._prepared is not None:
+            self.painter.take(self._prepared.points, self._table[self._prepared.labels])
+        self._forget()
+
+    def _forget(self) -> None:
+        self._is_stale, self._layer = True, None
+        self.update()
+
+    def _draw_layer(self) -> QImage:
+        layer = QImage(max(1, self.width()), max(1, self.height()), QImage.Format.Format_ARGB32_Premultiplied)
+        layer.fill(0)
+        painter = QPainter(layer)
+        lines = project_lines(self._scene.path[self._segments], self.camera, layer.width(), layer.height())
+        painter.setPen(QPen(self._pens["path"], 1))
+        painter.drawLines(lines_of(lines))
+        painter.setPen(QPen(self._pens["path"], 2))
+        painter.drawLines(lines_of(arrow_wings(lines)))
+        self._dots(painter, unsolved_points(self._scene), "path_unsolved", 3.0)
+        painter.end()
+        self._layer, self._drawn = layer, -1
+        return layer
+
+    def _draw_done(self, layer: QImage) -> None:
+        """Draw only what was added to the done part since the last time: band on the wall, path."""
+        if self._done <= self._drawn:
+            return
+        fresh = self._segments[(self._segments[:, 1] > self._drawn) & (self._segments[:, 1] <= self._done)]
+        painter = QPainter(layer)
+        if len(self._hits):
+            band = QColor(self._pens["path_done"])
+            band.setAlpha(SPRAYED_ALPHA)
+            painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_DestinationOver)
+            self._lines(painter, self._hits[fresh], QPen(band, SPRAYED_PX))
+            painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_SourceOver)
+        self._lines(painter, self._scene.path[fresh], QPen(self._pens["path_done"], 3))
+        painter.end()
+        self._drawn = self._done
+
+    def _draw_arm(self, painter: QPainter, arm: ArmLine, is_ghost: bool) -> None:
+        pen = QPen(self._pens["target" if is_ghost else "arm"], 4 if is_ghost else 6)
+        pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+        if is_ghost:
+            pen.setDashPattern(GHOST_DASH)
+        self._lines(painter, np.stack([arm.chain[:-1], arm.chain[1:]], 1), pen)
+        self._dots(painter, arm.chain, "joint", 4.0)
+        self._lines(painter, arm.spray[None], QPen(self._pens["spray"], 6 if arm.spraying else 2))
+
+    def _lines(self, painter: QPainter, lines: Array, pen: QPen) -> None:
+        pen.setCapStyle(Qt.PenCapStyle.RoundCap)
+        painter.setPen(pen)
+        painter.drawLines(lines_of(project_lines(lines, self.camera, self.width(), self.height())))
+
+    def _dots(self, painter: QPainter, points: Array, colour: str, radius: float) -> None:
+        if not len(points):
+            return
+        painter.setPen(Qt.PenStyle.NoPen)
+        painter.setBrush(self._pens[colour])
+        pixels, depth = self.camera.project(points, self.width(), self.height())
+        for x, y in pixels[depth > NEAR].tolist():
+            painter.drawEllipse(QPointF(x, y), radius, radius)
