@@ -104,6 +104,7 @@ class Coverage:
         )
         self._tilt_reach = parameters.spray_radius_m
         self._raster = Raster(surface, self._parameters)
+        self._again = where is not None
         self._where = target.inside if where is None else where & target.inside
         self.layers = count_layers(target, process)
         self._walls: dict[int, Wall] = {}
@@ -258,13 +259,19 @@ class Coverage:
         limit = 0.0 if one.arch is not None else np.radians(p.normal_limit_deg)
         theta3 = self._keep_side(spray_angle(wall.normal(station, along, limit)), one.beyond_seam)
         direction = spray_direction(np.radians(one.strip.tilt_deg), theta3)
-        nozzle = point - p.stand_off_m * direction
+        nozzle = point - self._stand_off(one) * direction
         nozzle = withdraw(nozzle, direction, self._surface, self._raster, p.arch_clearance_m)
         keep = wall.sample(wall.unseen, station, along) <= p.bridge_m
         keep &= nozzle[:, 2] >= wall.floor_z + p.floor_clearance_m
         if keep.sum() < 2:
             return None
         return nozzle[keep], point[keep], along[keep], theta3[keep]
+
+    def _stand_off(self, one: _Pass) -> float:
+        """Nozzle to wall [m]: nearer, with a narrower jet, where a small place is filled or sprayed again."""
+        if one.layer > 1 or self._again:
+            return min(self._parameters.stand_off_m, self._process.dose.near_stand_off_m)
+        return self._parameters.stand_off_m
 
     def _keep_side(self, theta3: Array, beyond: bool) -> Array:
         """Hold directions on their side of the seam, where the nozzle's roll has its stop."""

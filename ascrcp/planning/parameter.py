@@ -1,7 +1,7 @@
 """Parameters of planning with their allowed ranges, read from config/planning.yaml."""
 
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -9,6 +9,7 @@ from msgspec import Meta
 from ascrcp.core.config import Struct, convert, load
 from ascrcp.core.errors import ConfigError
 from ascrcp.core.paths import CONFIG
+from ascrcp.planning.process import ProcessParameters, load_process
 
 Fraction = Annotated[float, Meta(ge=0.05, le=1.0)]
 
@@ -102,8 +103,15 @@ class CheckParameters(Struct):
 
 
 class Parameters(Struct):
-    """config/planning.yaml as a whole."""
+    """config/planning.yaml as a whole, and config/deposition.yaml as its process.
 
+    Attributes:
+        planner: "coverage" doses the concrete so that the wanted surface is reached; "thesis" lays the
+            thesis's path (chapter 4) at constant nozzle speed and pump flow.
+    """
+
+    planner: Literal["coverage", "thesis"]
+    process: ProcessParameters
     path: PlanningParameters
     solve: SolveParameters
     timing: TimingParameters
@@ -116,7 +124,7 @@ def load_parameters(path: Path = CONFIG / "planning.yaml") -> Parameters:
     Raises:
         ConfigError: Unreadable, or a value outside its range; the message names both.
     """
-    return load(path, Parameters)
+    return load(path, Parameters, {"process": msgspec.to_builtins(load_process())})
 
 
 S = TypeVar("S", bound=Struct)

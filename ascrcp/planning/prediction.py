@@ -84,8 +84,7 @@ def predict(plan: SprayPlan, process: ProcessParameters, sequence: JointSequence
     speed = plan.path.speed[stretches.first]
     duration = float((stretches.length / np.maximum(speed, 1e-6)).sum())
     if sequence is not None:
-        pump = process.spray.pump_m3_s
-        amount = laid_amount(sequence, stretches.first, stretches.length, len(plan.path), pump)
+        amount = laid_amount(sequence, stretches.first, stretches.length, len(plan.path), process.spray)
         duration = sequence.duration
     growth = plan.grown(amount)
     finish = judge(plan, growth, process)

@@ -23,6 +23,7 @@ class SprayParameters(Struct):
         beta: Shape of the footprint, density (1 - (r/R)^2)^(beta - 1).
         pump_m3_h: Flow at fraction 1.
         pump_steps: Low, middle and high flow, fractions.
+        pump_lag_s: By how much the flow at the nozzle lags behind what the pump is told.
         pump_least: Least fraction the pump can hold; below it stands.
     """
 
@@ -30,6 +31,7 @@ class SprayParameters(Struct):
     beta: Annotated[float, Meta(ge=1.0, le=20.0)]
     pump_m3_h: Annotated[float, Meta(ge=0.5, le=60.0)]
     pump_steps: tuple[PumpStep, PumpStep, PumpStep]
+    pump_lag_s: Annotated[float, Meta(ge=0.0, le=5.0)]
     pump_least: Annotated[float, Meta(gt=0.0, le=0.5)]
 
     def __post_init__(self) -> None:
@@ -89,6 +91,7 @@ class DoseParameters(Struct):
     pass_spacing_m: Annotated[float, Meta(ge=0.05, le=1.0)]
     edge_m: Annotated[float, Meta(ge=0.0, le=0.5)]
     point_spacing_m: Annotated[float, Meta(ge=0.05, le=0.6)]
+    near_stand_off_m: Annotated[float, Meta(ge=0.3, le=3.0)]
     face_tilt_deg: Annotated[float, Meta(ge=60.0, le=120.0)]
     speed_m_s: tuple[Speed, Speed]
     hold_back: Annotated[float, Meta(ge=0.0, le=0.3)]

@@ -15,7 +15,8 @@ def fill_flow(sequence: JointSequence, path: SprayPath, spray: SprayParameters) 
 
     On leaving a point the plan wants a flow at a nozzle speed; where the row is slower (ramps, joints at
     their limit) the flow falls with it, and below what the pump can hold it stands or holds its least,
-    whichever is nearer. A path that leaves the speed to the timing keeps its flow.
+    whichever is nearer. A path that leaves the speed to the timing keeps its flow. What the nozzle wants
+    at an instant is asked of the pump by its lag earlier.
 
     Args:
         sequence: Timed rows.
@@ -31,7 +32,9 @@ def fill_flow(sequence: JointSequence, path: SprayPath, spray: SprayParameters) 
     wanted = path.speed[leaving]
     share = np.where(wanted > 0.0, np.minimum(speed / np.where(wanted > 0.0, wanted, 1.0), 1.0), 1.0)
     flow = hold_least(path.flow[leaving] * share, spray)
-    return replace(sequence, flow=np.where(sequence.spraying & (last >= 0), flow, 0.0))
+    flow = np.where(sequence.spraying & (last >= 0), flow, 0.0)
+    ahead = np.searchsorted(sequence.t, sequence.t + spray.pump_lag_s, side="right") - 1
+    return replace(sequence, flow=np.where(sequence.spraying, flow[ahead], 0.0))
 
 
 def hold_least(flow: Array, spray: SprayParameters) -> Array:
@@ -41,7 +44,7 @@ def hold_least(flow: Array, spray: SprayParameters) -> Array:
 
 
 def laid_amount(
-    sequence: JointSequence, first: NDArray[np.int64], length: Array, points: int, pump_m3_s: float
+    sequence: JointSequence, first: NDArray[np.int64], length: Array, points: int, spray: SprayParameters
 ) -> Array:
     """Concrete the rows pump on each stretch, per metre of way [m3/m], shape (m,).
 
@@ -50,10 +53,12 @@ def laid_amount(
         first: Point each stretch begins at, shape (m,).
         length: Way of each stretch [m], shape (m,).
         points: Number of planned points.
-        pump_m3_s: The pump's largest flow [m3/s].
+        spray: The pump's largest flow, and its lag.
     """
     rows = len(sequence.t)
     last = np.maximum.accumulate(np.where(sequence.point >= 0, np.arange(rows), -1))
     leaving = np.where(last >= 0, sequence.point[np.maximum(last, 0)], 0)
-    volume = sequence.flow[:-1] * np.diff(sequence.t) * pump_m3_s
+    before = np.searchsorted(sequence.t, sequence.t - spray.pump_lag_s, side="right") - 1
+    flow = np.where(before >= 0, sequence.flow[np.maximum(before, 0)], 0.0)
+    volume = flow[:-1] * np.diff(sequence.t) * spray.pump_m3_s
     return np.asarray(np.bincount(leaving[:-1], volume, minlength=points)[first] / length)

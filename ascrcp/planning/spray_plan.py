@@ -31,22 +31,50 @@ RESPRAY_SHARE = 0.5  # of the tolerance: patches thinner than this get a second 
 
 
 @dataclass(frozen=True)
+class Layout:
+    """Where a spraying goes, before doses are chosen: what is kept between planning and solving.
+
+    Attributes:
+        lines: The points in the tunnel frame, with their layers.
+        target: Present and wanted surface; its `left` says what cannot be covered, and why.
+        exposed: Cells the lines can bring to the target, shape (ns, na).
+        again: Whether it is a second spraying, over what the first left too thin.
+    """
+
+    lines: Lines
+    target: Target
+    exposed: NDArray[np.bool_]
+    again: bool
+
+
+@dataclass(frozen=True)
 class SprayPlan:
     """A planned spraying.
 
     Attributes:
         path: Nozzle poses with speed and flow.
-        lines: The same points in the tunnel frame, with their layers.
-        target: Present and wanted surface; its `left` says what cannot be covered, and why.
-        exposed: Cells the path can bring to the target, shape (ns, na).
+        layout: Its points on the wall, and the wall.
         dose: What each stretch lays.
     """
 
     path: SprayPath
-    lines: Lines
-    target: Target
-    exposed: NDArray[np.bool_]
+    layout: Layout
     dose: Dose
+
+    @property
+    def lines(self) -> Lines:
+        """The points in the tunnel frame."""
+        return self.layout.lines
+
+    @property
+    def target(self) -> Target:
+        """Present and wanted surface."""
+        return self.layout.target
+
+    @property
+    def exposed(self) -> NDArray[np.bool_]:
+        """Cells the path can bring to the target, shape (ns, na)."""
+        return self.layout.exposed
 
     @property
     def growth(self) -> Array:
@@ -89,7 +117,6 @@ def plan_spray(
     if after is not None:
         target = renew(target, after, surface.unsprayed, process.target.corner_m)
         where = find_thin(target, process)
-        process = change(process, dose=change(process.dose, hold_back=0.0))
     tell(0.1)
     lines = Coverage(surface, target, wall, parameters, process, where).lines(lambda x: tell(0.1 + 0.3 * x))
     everywhere = np.ones(len(lines.along), dtype=bool)
@@ -106,13 +133,13 @@ def plan_spray(
     low = _is_low(surface, target, parameters)
     target = replace(target, left=explain(target, exposed, exposed, low))
     tell(0.8)
-    plan = _dosed(surface, lines, target, exposed, stretches, process)
+    plan = _dosed(surface, Layout(lines, target, exposed, after is not None), stretches, process)
     tell(1.0)
     return plan
 
 
 def replan(
-    plan: SprayPlan,
+    layout: Layout,
     surface: Surface,
     driven: SprayPath,
     reached: NDArray[np.bool_],
@@ -121,7 +148,7 @@ def replan(
     """Choose the doses anew for the poses the arm takes, without the points it does not reach.
 
     Args:
-        plan: The plan whose path was solved.
+        layout: Of the plan whose path was solved.
         surface: Its heading.
         driven: The path as solved: poses may be tilted.
         reached: Points that are sprayed, shape (n,).
@@ -129,30 +156,31 @@ def replan(
     """
     T = inverse_transform(surface.axis.T_base_tunnel)
     jet = Jet(apply_transform(T, driven.position), driven.direction @ T[:3, :3].T)
-    layers = count_layers(plan.target, process)
-    stretches = find_stretches(plan.lines, jet, reached, plan.target, layers, process)
-    exposed = find_exposed(stretches, plan.lines, plan.target) & plan.exposed
-    left = plan.target.left.copy()
-    left[plan.exposed & ~exposed] = Left.ARM
-    target = replace(plan.target, left=left)
-    found = _dosed(surface, plan.lines, target, exposed, stretches, process)
+    layers = count_layers(layout.target, process)
+    stretches = find_stretches(layout.lines, jet, reached, layout.target, layers, process)
+    exposed = find_exposed(stretches, layout.lines, layout.target) & layout.exposed
+    left = layout.target.left.copy()
+    left[layout.exposed & ~exposed] = Left.ARM
+    target = replace(layout.target, left=left)
+    found = _dosed(surface, replace(layout, target=target, exposed=exposed), stretches, process)
     path = replace(driven, speed=found.path.speed, flow=found.path.flow)
     return replace(found, path=path)
 
 
-def _dosed(
-    surface: Surface,
-    lines: Lines,
-    target: Target,
-    exposed: NDArray[np.bool_],
-    stretches: Stretches,
-    process: ProcessParameters,
-) -> SprayPlan:
-    met = np.asarray(stretches.growth.sum(axis=1)).reshape(exposed.shape) > 0.0
-    thick = target.offset - target.wanted <= 0.0
-    dose = solve_dose(stretches, lines, target, process, exposed | (target.inside & met & thick))
-    speed, flow = choose_speed(dose, lines, process)
-    return SprayPlan(lines.to_path(surface, speed, flow), lines, target, exposed, dose)
+def _dosed(surface: Surface, layout: Layout, stretches: Stretches, process: ProcessParameters) -> SprayPlan:
+    """Choose doses, speeds and flows for a layout; a second spraying holds nothing back."""
+    if layout.again:
+        process = change(process, dose=change(process.dose, hold_back=0.0))
+    target = layout.target
+    met = np.asarray(stretches.growth.sum(axis=1)).reshape(target.offset.shape) > 0.0
+    # beside what can be brought to the target, what must not get more counts too
+    must_not = target.offset <= target.wanted
+    if layout.again:
+        must_not = target.inside | (target.left == Left.SHADOW)
+    mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
+    dose = solve_dose(stretches, layout.lines, target, process, mask)
+    speed, flow = choose_speed(dose, layout.lines, process)
+    return SprayPlan(layout.lines.to_path(surface, speed, flow), layout, dose)
 
 
 def renew(target: Target, after: Array, unsprayed: tuple[float, float], corner: float) -> Target:

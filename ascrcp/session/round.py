@@ -20,6 +20,8 @@ class Round:
         surface: Recognised surface.
         features: features.json (design.md section 9).
         path: Planned nozzle path, CSV (thesis table 4-1).
+        plan: What was planned beside the path: passes, layers, wanted surface.
+        prediction: What it will come to, JSON.
         joints: Joint sequence, CSV.
         trace: Errors of the run, one row per cycle.
         result: Summary of the run, JSON.
@@ -35,6 +37,8 @@ class Round:
         self.surface = folder / "surface.npz"
         self.features = folder / "features.json"
         self.path = folder / "path.csv"
+        self.plan = folder / "plan.npz"
+        self.prediction = folder / "plan.json"
         self.joints = folder / "joints.csv"
         self.trace = folder / "trace.npz"
         self.result = folder / "result.json"

@@ -6,7 +6,7 @@ run the very same functions.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ascrcp.control.config import ControlConfig
 from ascrcp.control.move import check_ends, find_changeover, plan_move
-from ascrcp.core.errors import RecognitionError
+from ascrcp.core.errors import InputError, RecognitionError
 from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath, Surface
-from ascrcp.core.geometry import Array
+from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import Profile
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.clearance import clearance
@@ -31,15 +31,24 @@ from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.project import project
 from ascrcp.perception.reader import read_cloud
 from ascrcp.perception.recognise import recognise as recognise_cloud
+from ascrcp.perception.registration import register
 from ascrcp.perception.survey import load_survey
+from ascrcp.perception.thickness import stable_points
 from ascrcp.perception.writer import write_labelled_cloud
 from ascrcp.planning.dryrun import check_sequence
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.path import plan as plan_path
+from ascrcp.planning.prediction import Prediction, predict
+from ascrcp.planning.pump import fill_flow
+from ascrcp.planning.rescan import find_after
+from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
 from ascrcp.planning.table import read_joints, read_path, write_joints, write_path
+from ascrcp.planning.target import find_target
 from ascrcp.planning.timing import time_path
+from ascrcp.planning.wall import fit_wall
+from ascrcp.session.layout_store import layout_of, write_layout
 from ascrcp.session.round import Round
-from ascrcp.session.store import read_scan, read_surface, write_json, write_surface
+from ascrcp.session.store import read_json, read_scan, read_surface, write_json, write_surface
 
 Progress = Callable[[float], None]
 
@@ -108,12 +117,62 @@ def _project(scan: Scan, machine: str, payload_kg: float, notes: dict[str, Any])
     return project(scan, sagged_lidar(load_arm(machine), scan.q, payload_kg), zero)
 
 
-def plan(folder: Path, config: PlanningParameters, progress: Progress = _quiet) -> SprayPath:
-    """surface.npz -> path.csv."""
+def plan(
+    folder: Path,
+    config: PlanningParameters,
+    after: Path | None = None,
+    progress: Progress = _quiet,
+) -> SprayPath:
+    """surface.npz -> path.csv, plan.npz, plan.json.
+
+    Args:
+        folder: Round folder.
+        config: Planner, distances and the spraying process.
+        after: A second scan of the heading, as a recognised round folder, a round folder with a scan or a
+            cloud in the base frame: only what is still too thin is planned.
+        progress: Called with the fraction done.
+
+    Raises:
+        InputError: Nothing recognised, nothing to spray, or nothing left to spray.
+    """
     round_ = Round(folder)
-    path = plan_path(read_surface(round_.need("surface", "recognise")), config.path, progress=progress)
-    write_path(round_.path, path)
-    return path
+    surface = read_surface(round_.need("surface", "recognise"))
+    if config.planner == "thesis":
+        if after is not None:
+            raise InputError("a plan after a second scan needs the planner coverage, not thesis")
+        path = plan_path(surface, config.path, progress=progress)
+        path = replace(path, flow=np.full(len(path), config.process.spray.pump_steps[1]))
+        round_.forget("plan", "prediction")
+        write_path(round_.path, path)
+        return path
+    found = None if after is None else achieved_surface(surface, config, after)
+    planned = plan_spray(surface, config.path, config.process, found, progress)
+    predicted = predict(planned, config.process)
+    write_path(round_.path, planned.path)
+    write_layout(round_.plan, planned, predicted.finish)
+    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": after is not None})
+    return planned.path
+
+
+def achieved_surface(surface: Surface, config: PlanningParameters, after: Path) -> Array:
+    """Read a second scan and lay it over the first: the surface reached, on the grid of the plan.
+
+    Args:
+        surface: The heading as recognised before spraying.
+        config: For the grid.
+        after: Recognised round folder, or a cloud in the base frame of the first scan.
+
+    Raises:
+        InputError: Nothing readable, or a scan that does not fit the first one.
+    """
+    if after.is_dir():
+        second = read_surface(Round(after).need("surface", "recognise"))
+        moved = register(stable_points(surface), stable_points(second), load_survey().registration)
+        points = apply_transform(moved.T_first_second, second.points.astype(float)).astype(np.float32)
+    else:
+        points = read_cloud(after).points
+    wall = fit_wall(surface, config.path)
+    return find_after(points, surface, find_target(surface, wall, config.process, config.path.bridge_m))
 
 
 @dataclass(frozen=True)
@@ -151,6 +210,8 @@ def solve(
     round_ = Round(folder)
     arm = load_arm(machine)
     path = read_path(round_.need("path", "plan"))
+    surface = read_surface(round_.surface) if round_.surface.exists() else None
+    layout = layout_of(round_, path, surface)
     around = find_obstacles(round_, arm, config)
     progress(0.1)
     found = solve_path(
@@ -161,26 +222,42 @@ def solve(
         progress=lambda done: progress(0.1 + 0.75 * done),
         obstacles=around,
     )
+    planned = (
+        None
+        if layout is None or surface is None
+        else replan(layout, surface, found.path, found.solved, config.process)
+    )
+    driven = found.path if planned is None else planned.path
     timed = time_path(
         arm,
-        found.path,
+        driven,
         found.q,
         found.break_before,
         config.timing,
         around,
         progress=lambda done: progress(0.85 + 0.13 * done),
     )
-    check_sequence(arm, timed.sequence, config.check).require()
-    write_joints(round_.joints, timed.sequence, arm.prismatic)
+    sequence = fill_flow(timed.sequence, driven, config.process.spray)
+    check_sequence(arm, sequence, config.check).require()
+    write_joints(round_.joints, sequence, arm.prismatic)
+    if planned is not None:
+        _write_prediction(round_, planned, predict(planned, config.process, sequence))
     reasons = tuple(a or b for a, b in zip(found.reasons, timed.reasons, strict=True))
     return Solution(
         solved=np.array([reason is None for reason in reasons]),
         reasons=reasons,
-        duration_s=timed.sequence.duration,
+        duration_s=sequence.duration,
         tilt=found.tilt,
         clearance=found.clearance,
-        move_clearance=_move_clearance(arm, timed.sequence, around),
+        move_clearance=_move_clearance(arm, sequence, around),
     )
+
+
+def _write_prediction(round_: Round, planned: SprayPlan, predicted: Prediction) -> None:
+    """Put what the timed rows will come to beside what the plan asked for."""
+    before = read_json(round_.prediction) if round_.prediction.exists() else {}
+    write_layout(round_.plan, planned, predicted.finish)
+    write_json(round_.prediction, {**before, "driven": predicted.to_dict()})
 
 
 def find_obstacles(round_: Round, arm: Arm, config: PlanningParameters) -> Obstacles | None:

@@ -25,6 +25,7 @@ class Bare:
         station, along: Middles of rows [m] (ns,) and columns [m] (na,), even.
         rock: Offset of the rock [m]; behind arches as beside them; shape (ns, na).
         flange: Offset of the inner flange on arches, NaN beside them, shape (ns, na).
+        face: Station where the face stands in each column [m], infinite if there is none, shape (na,).
         outer: Depth of an arch from inner to outer flange [m].
     """
 
@@ -33,6 +34,7 @@ class Bare:
     along: Array
     rock: Array
     flange: Array
+    face: Array
     outer: float
 
 
@@ -68,7 +70,11 @@ def lay_bare(heading: Heading, cell: float, arch_depth: float) -> Bare:
     for column in rock.T:
         known = np.isfinite(column)
         column[:] = np.interp(rows, rows[known], column[known]) if known.any() else 0.0
-    return Bare(truth.profile, station, along, rock, flange, arch_depth)
+    # the face, seen along the axis just inside the arches
+    origin = apply_transform(T, np.column_stack([np.full(len(along), first), truth.profile.point(along, start)]))
+    ahead = np.tile(T[:3, 0], (len(along), 1))
+    reach = scene.cast_rays(tensor(np.hstack([origin, ahead]).astype(np.float32)))["t_hit"].numpy()
+    return Bare(truth.profile, station, along, rock, flange, first + reach.astype(float), arch_depth)
 
 
 def grow_heading(heading: Heading, bare: Bare, rock: Array, flange: Array) -> Heading:

@@ -1,0 +1,68 @@
+"""Keep a planned layout in the round folder as plan.npz, and read it back for solving and the report."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import SprayPath, Surface
+from ascrcp.core.geometry import Array
+from ascrcp.planning.coverage import Lines
+from ascrcp.planning.spray_plan import Layout, SprayPlan
+from ascrcp.planning.target import Target, find_lids
+from ascrcp.session.round import Round
+from ascrcp.session.store import read_archive, write_archive
+
+_LINES = ("nozzle", "wall", "line_along", "theta2", "theta3", "bay", "pass_index", "layer", "overbreak")
+_TARGET = ("station", "along", "rock", "offset", "wanted", "arch", "left", "area")
+_GRIDS = ("exposed", "growth", "finish")
+
+
+def write_layout(file: Path, plan: SprayPlan, finish: Array) -> None:
+    """Keep a plan's layout and what it is predicted to come to.
+
+    Args:
+        file: plan.npz.
+        plan: The plan.
+        finish: Predicted distance of each patch from the wanted surface [m], NaN where not judged.
+    """
+    lines, target = plan.lines, plan.target
+    arrays: dict[str, Any] = {name: getattr(lines, name.removeprefix("line_")) for name in _LINES}
+    arrays |= {name: getattr(target, name) for name in _TARGET}
+    arrays |= {"exposed": plan.exposed, "growth": plan.growth, "finish": finish}
+    write_archive(file, "plan", {"again": plan.layout.again}, arrays)
+
+
+def read_layout(file: Path, surface: Surface) -> tuple[Layout, Array, Array]:
+    """Read a layout back, with the predicted layer and finish [m], shape (ns, na).
+
+    Args:
+        file: plan.npz.
+        surface: The heading it was planned on.
+
+    Raises:
+        InputError: Missing, cut, flipped, of another kind, or of another heading.
+    """
+    meta, a = read_archive(file, "plan", (*_LINES, *_TARGET, *_GRIDS))
+    lines = Lines(**{name.removeprefix("line_"): a[name] for name in _LINES})
+    if len(a["along"]) != a["offset"].shape[1] or not np.isfinite(a["offset"]).all():
+        raise InputError(f"{file}: its grid does not fit together")
+    target = Target(
+        profile=surface.profile, arches=find_lids(surface, a["along"]), **{name: a[name] for name in _TARGET}
+    )
+    return Layout(lines, target, a["exposed"], bool(meta["again"])), a["growth"], a["finish"]
+
+
+def layout_of(round_: Round, path: SprayPath, surface: Surface | None) -> Layout | None:
+    """Return the layout a path was planned with, None if it has none.
+
+    Raises:
+        InputError: A damaged file, or the layout of another path.
+    """
+    if surface is None or not round_.plan.exists():
+        return None
+    layout, _, _ = read_layout(round_.plan, surface)
+    if len(layout.lines.along) != len(path) or not np.array_equal(layout.lines.bay, path.bay):
+        raise InputError(f"{round_.plan}: belongs to another path; run `ascrcp plan` on this round again")
+    return layout
