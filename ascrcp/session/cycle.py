@@ -19,7 +19,7 @@ from ascrcp.core.event import Reaction
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
 from ascrcp.core.machine_io import Command, MachineInputs
-from ascrcp.devices.joystick import LOST, Joystick, StickState
+from ascrcp.devices.joystick import LOST, Joystick, SetStick, StickState
 from ascrcp.safety.gate import Gate, GateState, Verdict
 from ascrcp.session.steering import KernelMaker, SteerOrder
 
@@ -86,6 +86,16 @@ class Stick:
     joystick: Joystick | None
     tracker: SteerTracker
     kernels: KernelMaker
+
+    @property
+    def on_screen(self) -> bool:
+        """Whether the screen is to draw it."""
+        return isinstance(self.joystick, SetStick)
+
+    def put(self, state: StickState) -> None:
+        """Take the state of the stick on the screen; nothing where another is configured."""
+        if isinstance(self.joystick, SetStick):
+            self.joystick.put(state)
 
     @property
     def is_present(self) -> bool:

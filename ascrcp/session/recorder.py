@@ -21,6 +21,7 @@ from ascrcp.session.order import encode_order
 from ascrcp.session.store import encode_json
 
 CHUNK_BYTES = 16 * 1024  # faults, trap 8
+KEPT_MESSAGES = 20_000  # waiting for the disk: two minutes of the run, 20 MB (placeholder)
 FLUSH_NS = 200_000_000  # at most this much of the run is lost to a killed process (faults G9: 0.5 s)
 
 Frames = list[tuple[int, bytes]]
@@ -73,15 +74,27 @@ def decode_frames(blob: bytes) -> tuple[Frames, Frames]:
 
 
 class Recorder:
-    """Queue and thread that write `run.mcap` and `events.sqlite` into a round folder."""
+    """Queue and thread that write `run.mcap` and `events.sqlite` into a round folder.
 
-    def __init__(self, folder: Path) -> None:
+    Attributes:
+        failed: Why nothing more is written, None while all is well.
+        lost: Records there was no room for.
+    """
+
+    def __init__(self, folder: Path, patience_s: float = 0.0) -> None:
         """Open both files; the log of an earlier session in this folder is kept as `run-N.mcap`.
+
+        Args:
+            folder: Round folder.
+            patience_s: How long a record may wait for room: none in real time; in lockstep time stands
+                still meanwhile.
 
         Raises:
             InputError: A file cannot be opened.
         """
-        self._queue: queue.SimpleQueue[Message | None] = queue.SimpleQueue()
+        self._queue: queue.Queue[Message | None] = queue.Queue(KEPT_MESSAGES)
+        self._patience_s = patience_s
+        self.lost = 0
         self._journal = Journal(folder / "events.sqlite")
         try:
             self._file = _open_log(folder / "run.mcap")
@@ -104,8 +117,12 @@ class Recorder:
         return self._writer.register_channel(topic, "json", number)
 
     def put(self, topic: str, t_ns: int, content: Any) -> None:
-        """Queue one record; returns at once."""
-        self._queue.put(Message(topic, t_ns, content))
+        """Queue one record; in real time at once: a slow disk loses records, and says so (F38)."""
+        try:
+            self._queue.put(Message(topic, t_ns, content), timeout=self._patience_s)
+        except queue.Full:
+            self.lost += 1
+            self.failed = self.failed or f"run log: the disk is too slow, {KEPT_MESSAGES} records wait"
 
     def put_cycle(self, output: CycleOutput, received: Frames, sent: Frames) -> None:
         """Queue everything one control cycle saw and did."""
@@ -132,7 +149,7 @@ class Recorder:
 
     def put_event(self, t_ns: int, kind: str, code: str, detail: str = "") -> None:
         """Queue one event for the journal and the log."""
-        self._queue.put(Message("/event", t_ns, {"kind": kind, "code": code, "detail": detail}))
+        self.put("/event", t_ns, {"kind": kind, "code": code, "detail": detail})
 
     def _work(self) -> None:
         while (message := self._queue.get()) is not None:

@@ -4,6 +4,7 @@ Lines and pan angles carry the instant they were received; the pan angle of a li
 between the angles measured around it.
 """
 
+import math
 from typing import Protocol
 
 import numpy as np
@@ -12,7 +13,7 @@ from ascrcp.core.clock import NS
 from ascrcp.core.errors import DeviceError
 from ascrcp.core.flow import Scan
 from ascrcp.core.machine_io import MachineInputs
-from ascrcp.devices.lidar import Lidar, SweepConfig
+from ascrcp.devices.lidar import Lidar, LidarLine, SweepConfig
 
 
 class _Pan(Protocol):
@@ -22,6 +23,8 @@ class _Pan(Protocol):
 STALE_PAN_NS = 100_000_000  # fault F36: a pan angle older than five cycles is a stuck head
 ARRIVED = 5e-4  # pan counts as arrived within this of its target [rad], twice its resolution
 ARRIVE_NS = 40 * NS  # half a turn at the sweep speed, with margin: later is a stuck head (fault F36)
+MISSED_SHARE = 0.02  # of the lines: more gaps than this are a lidar that loses data (fault F35, F37: 0.3 m)
+MISSED_RUN = 3  # lines lost in a row: 0.12 s at 25 lines/s, 0.15 m of wall at 12 m (fault F35)
 REST_RAD = 2e-3  # arm counts as moving when a joint changes by more than this between lines (F35)
 
 
@@ -43,6 +46,7 @@ class Scanner:
         self._sweep_from_ns: int | None = None
         self._begun_ns: int | None = None
         self._next_line_ns = 0
+        self._missed = 0
         self.done = False
 
     @property
@@ -55,9 +59,13 @@ class Scanner:
         """Take one cycle's view: steer the pan head and poll the lidar when a line is due.
 
         Raises:
-            DeviceError: Stale or stuck pan head, moving arm, or a lidar that stopped answering.
+            DeviceError: Stale or stuck pan head, moving arm, a joint sensor without a value, or a lidar that
+                stopped answering, calls itself unwell or loses lines.
         """
         now = inputs.t_ns
+        for number, q in enumerate(inputs.q[:6], start=1):
+            if not math.isfinite(q):
+                raise DeviceError(f"joint sensor {number} has no value while scanning")
         if self._begun_ns is None:
             self._begun_ns = now
             self._pan.point_pan(self._start)
@@ -84,6 +92,7 @@ class Scanner:
         self._pans.append((now - inputs.pan_age_ns, inputs.pan))
         if now >= self._next_line_ns:
             line = self._lidar.read_line()
+            self._judge(line)
             self._beam = line.beam
             self._lines.append((now, line.ranges))
             self._next_line_ns += self._line_ns
@@ -92,6 +101,20 @@ class Scanner:
             self.done = True
         elif now - self._sweep_from_ns > 2 * ARRIVE_NS:
             raise DeviceError(f"pan head stuck at {np.degrees(inputs.pan):.2f} deg during the sweep")
+
+    def _judge(self, line: LidarLine) -> None:
+        """Refuse a scanner that calls itself unwell or loses lines (fault F35); silently nothing is kept."""
+        if line.status != 0:
+            raise DeviceError(f"lidar reports status {line.status}, allowed 0")
+        if not self._lines:
+            return  # the scanner has turned since it was opened
+        self._missed += line.missed
+        wanted = (self._end - self._start) / np.radians(self._config.step_deg)
+        if line.missed > MISSED_RUN or self._missed > MISSED_SHARE * wanted:
+            raise DeviceError(
+                f"lidar missed {self._missed} of {wanted:.0f} lines, allowed {MISSED_SHARE:.0%} and"
+                f" {MISSED_RUN} in a row"
+            )
 
     def scan(self) -> Scan:
         """Return the finished scan, each line with the pan angle measured around its instant."""

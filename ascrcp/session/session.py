@@ -33,6 +33,7 @@ from ascrcp.session.view import add_machine, estimate_factor, estimate_remaining
 from ascrcp.session.wording import say_chinese
 
 COMPUTE_NICENESS = 10  # in real time: below the application (placeholder)
+LOCKSTEP_DISK_S = 30.0  # what a busy disk may take while time stands still
 RESET_PATIENCE_S = 0.25  # twice the time in which every sensor is heard
 
 T = TypeVar("T")
@@ -63,7 +64,7 @@ class Session:
         self._worker: threading.Thread | None = None
         self.compute = Compute(0 if setup.lockstep else COMPUTE_NICENESS)
         round_.note(**setup.manifest)
-        self._recorder = Recorder(round_.folder)
+        self._recorder = Recorder(round_.folder, LOCKSTEP_DISK_S if setup.lockstep else 0.0)
         self._record_failed = self._closing = False
         self._defect: DefectError | None = None
         self.cycle = Cycle(setup.link, setup.tracker, setup.gate, self._tip, setup.truth, setup.stick)
@@ -76,7 +77,7 @@ class Session:
             self._driver = RealTimeDriver(self.cycle, self._on_cycle, self._on_defect, setup.plant)
         self._operation = Operation(self.cycle, setup.lockstep, self._driver.wake)
         self.run_motion, self.run_scan = self._operation.run_motion, self._operation.run_scan
-        self.run_steering = self._operation.run_steering
+        self.run_steering, self.put_stick = self._operation.run_steering, setup.stick.put
         self.desk = Desk(self)
         self._driver.start()
         threading.Thread(target=self.compute.start, name="ascrcp-warm-up", daemon=True).start()
@@ -245,6 +246,7 @@ class Session:
             reached=self.desk.reached,
             skipped=self.desk.skipped,
             lockstep=self.setup.lockstep,
+            screen_stick=self.setup.stick.on_screen,
             alarms=self._history.alarms,
             frames=(*self.setup.link.received, *self.setup.link.sent),
         )
@@ -253,10 +255,9 @@ class Session:
     def _on_cycle(self, output: CycleOutput) -> bool:
         """Take in one cycle; return whether something still goes on."""
         self._latest = output
-        link = self.setup.link
-        for _, data in link.sent:
+        for _, data in self.setup.link.sent:
             self._digest.update(data)
-        self._recorder.put_cycle(output, link.received, link.sent)
+        self._recorder.put_cycle(output, self.setup.link.received, self.setup.link.sent)
         self._watch_gate(output)
         if self._recorder.failed and not self._record_failed:
             self._record_failed = True

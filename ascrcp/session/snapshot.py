@@ -66,6 +66,7 @@ class Snapshot:
         lateness: Control cycle lateness.
         realtime_factor: Job time per wall time.
         stick: The joystick.
+        screen_stick: Whether the screen is to draw it.
         steer: What the operator is told while the stick has the arm, None else.
         armed: Whether the gate lets drives through.
         active_causes: Those of the causes that are there now.
@@ -105,6 +106,7 @@ class Snapshot:
     lateness: Lateness = field(default_factory=Lateness)
     realtime_factor: float = float("nan")
     stick: StickState = LOST
+    screen_stick: bool = False
     steer: SteerStatus | None = None
     armed: bool = False
     active_causes: tuple[str, ...] = ()

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -138,3 +139,23 @@ def test_killed_writer_loses_less_than_half_a_second_of_cycles_and_no_event(tmp_
     assert [e.code for e in journal.entries()] == ["begin"]
     journal.close()
     assert announced - count < 150, "a chunk of 16 KiB holds about 100 cycles of this message"
+
+
+def test_a_disk_that_is_too_slow_loses_records_and_says_so(tmp_path: Path, monkeypatch) -> None:
+    """F38: the queue is bounded, the control thread never waits, the loss is told."""
+    monkeypatch.setattr("ascrcp.session.recorder.KEPT_MESSAGES", 10)
+    slow = threading.Event()
+    recorder = Recorder(tmp_path)
+    write = recorder._write
+
+    def wait_and_write(message: object) -> None:
+        slow.wait(10.0)
+        write(message)
+
+    monkeypatch.setattr(recorder, "_write", wait_and_write)
+    for k in range(40):
+        recorder.put_event(k, "note", str(k))
+    assert recorder.lost >= 28
+    assert recorder.failed is not None and "too slow" in recorder.failed
+    slow.set()
+    recorder.close()
