@@ -44,7 +44,7 @@ from ascrcp.session.store import write_json
 from ascrcp.simulation.heading import build_heading
 from ascrcp.simulation.lidar import LidarServer
 from ascrcp.simulation.lidar_model import LidarConfig
-from ascrcp.simulation.rig import FOLDER, Rig, RigConfig
+from ascrcp.simulation.rig import FOLDER, Fault, FaultKind, Rig, RigConfig
 from ascrcp.simulation.tunnel import TunnelConfig
 
 RIG_KEYS = ("arm", "bus", "tunnel", "lidar")
@@ -124,6 +124,23 @@ class Site:
         self.rig.step(now_ns)
         if self._lidar is not None:
             self._lidar.set_pose(self.rig.T_base_mount(), self.rig.pan)
+
+    def plant_fault(self, kind: FaultKind, frame: str, value: float) -> None:
+        """Plant a fault in the rig, from the next cycle on."""
+        self.rig.inject(Fault(kind, frame, value))
+
+    def clear_faults(self) -> None:
+        """Take all planted faults away and release the emergency stop."""
+        self.rig.clear_faults()
+        self.rig.release_estop()
+
+    def press_estop(self) -> None:
+        """Press the rig's hard-wired emergency stop."""
+        self.rig.press_estop()
+
+    def release_estop(self) -> None:
+        """Release it."""
+        self.rig.release_estop()
 
 
 def find_profile(options: Options, tunnel: TunnelConfig) -> Profile:

@@ -17,6 +17,7 @@ import numpy as np
 from ascrcp.core.clock import CYCLE_NS, NS, Clock, RealClock, VirtualClock
 from ascrcp.session.cycle import Cycle, CycleOutput
 from ascrcp.session.snapshot import Lateness
+from ascrcp.simulation.rig import FaultKind
 
 PRIORITY = 50  # SCHED_FIFO, above ordinary work and below the kernel's interrupt threads (placeholder)
 NICENESS = -10  # of every other thread of the application (placeholder)
@@ -30,6 +31,22 @@ class Plant(Protocol):
 
     def step(self, now_ns: int) -> None:
         """Advance the rig by one cycle."""
+        ...
+
+    def plant_fault(self, kind: FaultKind, frame: str, value: float) -> None:
+        """Plant a fault in a frame of the rig, from the next cycle on."""
+        ...
+
+    def clear_faults(self) -> None:
+        """Take all planted faults away and release the emergency stop."""
+        ...
+
+    def press_estop(self) -> None:
+        """Press the rig's hard-wired emergency stop."""
+        ...
+
+    def release_estop(self) -> None:
+        """Release it."""
         ...
 
 

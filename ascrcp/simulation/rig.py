@@ -45,6 +45,9 @@ def load_rig_config(overlay: dict[str, Any] | None = None) -> RigConfig:
     return convert(merge(tree, overlay or {}), RigConfig, "rig")
 
 
+FaultKind = Literal["drop", "repeat", "corrupt", "freeze", "shift", "range"]
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """A fault to plant in the rig.
@@ -57,7 +60,7 @@ class Fault:
         value: For "shift".
     """
 
-    kind: Literal["drop", "repeat", "corrupt", "freeze", "shift", "range"]
+    kind: FaultKind
     frame: str
     value: float = 0.0
 
