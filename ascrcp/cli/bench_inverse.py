@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ascrcp.cli.bench import Figure, Say, time_per_item
+from ascrcp.cli.bench_calibration import measure_calibration
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.export import write_urdf
 from ascrcp.kinematics.proof import draw_within_limits, held_values
@@ -29,7 +30,7 @@ PUMA_D = (0.6718, 0.1505, 0.0, 0.4318, 0.0, 0.0560)
 
 
 def measure_inverse(machine: str, seed: int, say: Say) -> list[Figure]:
-    """Measure the arm, then its peers on the same core."""
+    """Measure the arm, its peers on the same core, and what calibration leaves."""
     arm = load_arm(machine)
     q = draw_within_limits(arm, POSES, np.random.default_rng(seed))
     T, held = arm.forward(q), held_values(arm, q)
@@ -54,6 +55,7 @@ def measure_inverse(machine: str, seed: int, say: Say) -> list[Figure]:
             "us/pose",
             note="as the control cycle calls it",
         ),
+        *measure_calibration(machine, seed, say),
     ]
 
 
