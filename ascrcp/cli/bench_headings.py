@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.cli.bench import Figure, Say
+from ascrcp.cli.bench_clearance import find_most_clearance
 from ascrcp.cli.point_rule import follow_point_by_point, peak_acceleration
 from ascrcp.core.config import load
 from ascrcp.core.flow import JointSequence, Scan, SprayPath, Surface
@@ -25,7 +26,7 @@ from ascrcp.perception.project import project
 from ascrcp.perception.recognise import recognise
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.planning.path import plan
-from ascrcp.planning.timing import time_sequence
+from ascrcp.planning.timing import time_path
 from ascrcp.simulation.heading import build_heading
 from ascrcp.simulation.lidar_model import LidarConfig, LidarModel
 from ascrcp.simulation.tunnel import TunnelConfig
@@ -109,7 +110,14 @@ def measure_headings(machine: str, seed: int, say: Say) -> list[Figure]:
             "m",
             least,
             more_is_better=True,
-            note=f"least; {all_['below_wanted']} points below {description.clearance.wanted:g} m",
+            note="least of all solved points",
+        ),
+        Figure(
+            f"points below {description.clearance.wanted:g} m that need not be",
+            all_["below_needlessly"],
+            "",
+            0.0,
+            note=f"of {all_['below_wanted']}: a dense search over spare joints and leans keeps more",
         ),
         Figure(
             "moves between strokes that come too near",
@@ -118,6 +126,7 @@ def measure_headings(machine: str, seed: int, say: Say) -> list[Figure]:
             0.0,
             note=f"below {least:g} m; nearest {all_['move_clearance_min_m']:.2g} m",
         ),
+        Figure("solved points left out because no move leads there", all_["left_out_by_moves"], "", 0.0),
         Figure("points tilted", all_["tilted"], "", note=f"by at most {all_['tilt_max_deg']:.3g} deg"),
         Figure(
             "breaks a heading",
@@ -161,6 +170,8 @@ def bench_headings(
         "missed": sum(f["missed"] for f in figures),
         "clearance_min_m": min(f["clearance_min_m"] for f in figures),
         "below_wanted": sum(f["below_wanted"] for f in figures),
+        "below_needlessly": sum(f["below_needlessly"] for f in figures),
+        "left_out_by_moves": sum(f["left_out_by_moves"] for f in figures),
         "tilted": sum(f["tilted"] for f in figures),
         "tilt_max_deg": max(f["tilt_max_deg"] for f in figures),
         "breaks_mean": float(np.mean([f["breaks"] for f in figures])),
@@ -184,7 +195,8 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
     found = solve_path(arm, case.path, arm.zero_pose, obstacles=case.obstacles)
     end = time.process_time()
     config = load_planning().timing
-    sequence = time_sequence(arm, found.path, found.q, found.break_before, config, case.obstacles)
+    timed = time_path(arm, found.path, found.q, found.break_before, config, case.obstacles)
+    sequence = timed.sequence
     speed = np.abs(np.diff(sequence.q, axis=0)) / np.diff(sequence.t)[:, None] / arm.max_speed
     free, moves, blocked = _moves(arm, sequence, case.obstacles, model.least)
     by_rule = follow_point_by_point(arm, compensate(arm, spray_pose(case.path)), arm.zero_pose)
@@ -194,13 +206,18 @@ def _judge(arm: Arm, case: Case) -> dict[str, Any]:
     ours = float(peak_acceleration(arm, found.q, ours_gap).max())
     paper = float(peak_acceleration(arm, by_rule, find_gaps(arm, case.path, by_rule, speed_m_s)).max())
     kept = found.clearance[found.solved]
+    enough = model.wanted - model.cell / 10
+    low = np.flatnonzero(found.solved & ~(found.clearance >= enough))
+    avoidable = find_most_clearance(arm, case.path, low, case.obstacles) >= enough
     return {
         "points": len(case.path),
         "solved": int(found.solved.sum()),
         "missed": count_missed(arm, case.path, found, case.obstacles, model.least),
         "clearance_min_m": float(kept.min()),
         "clearance_p5_m": float(np.percentile(kept, 5)),
-        "below_wanted": int((kept < model.wanted - model.cell / 10).sum()),
+        "below_wanted": len(low),
+        "below_needlessly": int(avoidable.sum()),
+        "left_out_by_moves": sum(reason is not None for reason in timed.reasons),
         "tilted": int((found.tilt > 0.0).sum()),
         "tilt_max_deg": float(np.degrees(found.tilt.max())),
         "breaks": int(found.break_before.sum()),

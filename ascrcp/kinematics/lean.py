@@ -5,6 +5,7 @@ obstacles or a range's end are near, that stops short. Here the whole cone of di
 form on the grid of candidates for each, and the cheapest chain of postures and leans along every stretch.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,9 @@ SHORT = 2.5e6
 
 LEAN_COST = 1.0
 """Price of a lean to the limit beside squared seconds of travel; one half as far costs a quarter."""
+
+LEAN_S = 60.0
+"""Seconds that a radian of difference between the leans of neighbours weighs; placeholder."""
 
 CHANGE_COST = 100.0
 """The same of a lean off the present one: the neighbours have to follow; placeholder."""
@@ -114,8 +118,10 @@ class LeanSearch:
             if not stretch.size:
                 continue
             options, leans, price, _ = zip(*(layers[k] for k in stretch), strict=True)
-            scale = np.sqrt(self.cost.metric)
-            chain = find_chain(options, price, scale, gaps[stretch], self.model.break_cost, near[stretch[0]])
+            both = [np.hstack(pair) for pair in zip(options, leans, strict=True)]
+            scale = np.concatenate([np.sqrt(self.cost.metric), np.full(3, LEAN_S)])
+            begin = np.concatenate([near[stretch[0]], tilt[stretch[0]]])
+            chain = find_chain(both, price, scale, gaps[stretch], self.model.break_cost, begin)
             q[stretch] = [option[c] for option, c in zip(options, chain, strict=True)]
             found[stretch] = [lean[c] for lean, c in zip(leans, chain, strict=True)]
         return Leans(found, q, np.array([layer[3].max(initial=-np.inf) for layer in layers]))
@@ -124,7 +130,9 @@ class LeanSearch:
         self, path: SprayPath, i: int, near: Array, own: bool, tilt: Array
     ) -> tuple[Array, Array, Array, Array]:
         """Find a point's candidates (k, joints), leans (k, 3), what each costs and keeps clear, (k,)."""
-        leans = np.concatenate([tilt[None], self._cone(path.direction[i])])
+        leans = np.concatenate(
+            [tilt[None], lean_cone(path.direction[i], [share * self.limit for share in SHARES], WAYS)]
+        )
         leaned = tilt_path(repeat_point(path, i, len(leans)), leans, self.stand_off)
         found = solve_grid(self.arm, compensate(self.arm, spray_pose(leaned), self.payload_kg), self.grid)
         inside = self.arm.within_limits(found)
@@ -143,14 +151,15 @@ class LeanSearch:
         best = price.argsort(kind="stable")[:KEPT]
         return q[best], lean[best], price[best], free[best]
 
-    def _cone(self, direction: Array) -> Array:
-        """Rotation vectors that lean a direction every way, none first, shape (k, 3)."""
-        aside = np.eye(3)[int(np.abs(direction).argmin())]
-        first = np.cross(direction, aside)
-        first /= np.linalg.norm(first)
-        turn = 2.0 * np.pi * np.arange(WAYS) / WAYS
-        ring = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
-        return np.concatenate([np.zeros((1, 3)), *(share * self.limit * ring for share in SHARES)])
+
+def lean_cone(direction: Array, angles: Sequence[float], ways: int) -> Array:
+    """Rotation vectors that lean a direction every way by each angle [rad], none first, shape (k, 3)."""
+    aside = np.eye(3)[int(np.abs(direction).argmin())]
+    first = np.cross(direction, aside)
+    first /= np.linalg.norm(first)
+    turn = 2.0 * np.pi * np.arange(ways) / ways
+    ring = np.cos(turn)[:, None] * first + np.sin(turn)[:, None] * np.cross(direction, first)
+    return np.concatenate([np.zeros((1, 3)), *(angle * ring for angle in angles)])
 
 
 def repeat_point(path: SprayPath, i: int, count: int) -> SprayPath:
