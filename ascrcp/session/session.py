@@ -46,6 +46,7 @@ class Session:
         self.arm = setup.arm
         self.round = round_
         self.setup = setup
+        self.site = setup.plant
         if not setup.lockstep:
             favour_application()
         self._lock = threading.Lock()
@@ -161,9 +162,10 @@ class Session:
         self._driver.wake()
 
     def _reopen(self) -> bool:
-        """Open the bus anew, in the control thread, at the operator's wish alone (fault F33)."""
+        """Open the bus anew, in the control thread (fault F33)."""
         try:
             self.setup.reopen()
+            self.announce("The CAN bus is open again: press reset.", "CAN 总线已重新打开：请再按复位。")
         except DeviceError as error:
             self.announce(str(error), say_chinese(error), failure=True)
         return False
@@ -266,7 +268,6 @@ class Session:
 
     def _watch_gate(self, output: CycleOutput) -> None:
         verdict = output.verdict
-        # while powering up nothing has been heard yet
         is_news = "power_up" not in verdict.causes and not self._closing
         if verdict.causes != self._causes:
             self._history.update(output.t_ns * 1e-9, verdict.causes)

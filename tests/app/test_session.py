@@ -196,3 +196,45 @@ def test_lost_sensor_stops_the_motion_and_names_itself(live: Session) -> None:
     assert "joint_stale" in live.snapshot().causes
     site(live).rig.clear_faults()
     zero(live)
+
+
+def test_f33_reset_opens_a_failed_bus_anew(session: Session) -> None:
+    session.reset_and_wait(10)
+    ours = session.setup.link._bus  # type: ignore[attr-defined]
+    ours._fail("unplugged")
+    session.stop()
+    wait_for(lambda: "bus_error" in session.snapshot().causes, "the failed bus")
+    session.reset_and_wait(10)
+    assert ours.ok
+    do(session, Step.ZERO)
+
+
+def test_a_full_disk_does_not_hide_why_the_run_ended(session: Session, monkeypatch) -> None:
+    """F38: the reason of the stop stands beside the disk's, and before it."""
+    from ascrcp.core.errors import InputError
+
+    def full(trace: object) -> None:
+        raise InputError("trace.npz: No space left on device")
+
+    session.reset_and_wait(10)
+    do(session, Step.ZERO, Step.RECOGNISE, Step.LOAD, Step.GO_TO_START)
+    monkeypatch.setattr(session.round, "write_trace", full)
+    session.start(Step.RUN)
+    wait_for(lambda: session.snapshot().progress > 0.01, "the run")
+    session.cancel()
+    session.wait()
+    said = [line.text[0] for line in session.snapshot().announcements]
+    assert "Cancelled." in said
+    assert any("No space left" in line for line in said)
+    assert session.failure == "Cancelled."
+
+
+def test_a_job_is_done_only_with_its_share_of_the_points(session: Session) -> None:
+    desk, share = session.desk, session.setup.report.sprayed_share
+    session.choose_mode(Mode.SEMI_AUTOMATIC)
+    desk.planned, desk.points = 100, 95
+    for reached, is_done in ((0, False), (round(100 * share) - 1, False), (round(100 * share), True)):
+        desk.reached = reached
+        assert desk.is_done == is_done
+    session.choose_mode(Mode.AUTOMATIC)
+    assert not desk.is_done, "the sequence has not been run"

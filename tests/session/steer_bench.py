@@ -185,7 +185,7 @@ class SteerBench:
     ) -> None:
         """Args: folder: where everything is recorded from power-up on, None for nowhere."""
         self.recorder = Recorder(folder) if folder is not None else None
-        channel = f"steer-test-{next(_channel)}"
+        self.channel = channel = f"steer-test-{next(_channel)}"
         self.buses = [Bus(CAN.bus, channel) for _ in range(2)]
         self.rig = Rig(load_simulation(None).rig, NOMINAL, self.buses[0], seed, load_kg, CODEC)
         self.stick = ScriptedStick()
