@@ -12,6 +12,9 @@ _CELL = 0.5  # side of the squares whose lowest point speaks for them [m]
 _BAND = 0.10  # a square agrees with the plane if its lowest point is this near [m]
 _SLOPE_STEP = 0.01  # grid of slopes tried first
 _LOWER = 0.65  # of the cloud's height: the floor lies there even if the whole crown is mirrored; placeholder
+_SURFACE = 4  # points at one height of a square that make it a surface; placeholder
+_AIR = (0.3, 1.3)  # above a floor there is air [m]; placeholder
+_OPEN = 0.25  # share of these squares that must be floor with air above; synthetic headings
 _MAX_BELOW = 0.2  # share of the squares that may hold something clearly below the floor; placeholder
 
 
@@ -31,13 +34,25 @@ def find_ground(points: NDArray[np.float32], parameters: GroundParameters) -> Ar
         (a, b, c), or None if there is no floor in the cloud.
     """
     low, square = _lowest(points)
-    squares = len(low)
-    plane = _fit(low, square, squares, parameters)
+    plane = _fit(low, square, len(low), parameters)
     if plane is not None and np.mean(low[:, 2] - _height(low, plane) < -2 * _BAND) <= _MAX_BELOW:
         return plane
     bottom, top = float(points[:, 2].min()), float(points[:, 2].max())
     lower = points[points[:, 2] < bottom + _LOWER * (top - bottom)]
-    return _fit(*_levels(lower), squares, parameters) if len(lower) else None
+    if not len(lower):
+        return None
+    low, square = _levels(lower)
+    squares = len(np.unique(square))
+    plane = _fit(low, square, squares, parameters)
+    return plane if plane is not None and _is_open(low, square, plane, squares) else None
+
+
+def _is_open(low: Array, square: NDArray[np.int64], plane: Array, squares: int) -> bool:
+    """Whether there is air above a plane: squares of the wall agree on any plane, but go on upward."""
+    height = low[:, 2] - _height(low, plane)
+    on, above = np.abs(height) < _BAND, (height > _AIR[0]) & (height < _AIR[1])
+    free = np.setdiff1d(square[on], square[above])
+    return len(free) >= _OPEN * squares
 
 
 def _fit(low: Array, square: NDArray[np.int64], squares: int, parameters: GroundParameters) -> Array | None:
@@ -98,7 +113,8 @@ def _levels(points: NDArray[np.float32]) -> tuple[Array, NDArray[np.int64]]:
     """One point of every height at which a square holds any, shape (m, 3), and its square."""
     key = _squares(points)
     level = np.floor((points[:, 2] - points[:, 2].min()) / _BAND).astype(np.int64)
-    _, first = np.unique(key * (level.max() + 1) + level, return_index=True)
+    _, first, count = np.unique(key * (level.max() + 1) + level, return_index=True, return_counts=True)
+    first = first[count >= _SURFACE]  # fewer is dust
     return points[first].astype(float), key[first]
 
 

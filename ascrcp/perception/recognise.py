@@ -28,6 +28,7 @@ from ascrcp.perception.wall import build_wall, wall_end
 Progress = Callable[[str, float], None]
 """Called as (step, fraction done 0..1) when a step begins; may raise CancelledError."""
 
+_FEW_ARCHES_DEG = 0.4  # bare rock with one arch or none tilts the axis by so much more: synthetic headings
 _LEAST_SPRAYED = 0.3  # a shorter sprayed part is none [m]; placeholder
 
 # share of the whole time done when each step begins, measured on 1 M points
@@ -208,10 +209,12 @@ def _is_sprayed(extent: Extent) -> bool:
 
 
 def _with_evidence(axis: Axis, rings: list[Ring], extent: Extent) -> Axis:
-    """Name only surfaces that were then really found."""
+    """Name only surfaces that were then really found; the axis is less sure where there are few."""
     names = [name for name in axis.evidence if name not in ("sprayed", "arches")]
     if _is_sprayed(extent):
         names.insert(0, "sprayed")
     if rings:
         names.insert(-1, "arches")
-    return replace(axis, evidence=tuple(names))
+    few = 0.0 if _is_sprayed(extent) or len(rings) > 1 else _FEW_ARCHES_DEG
+    sigma = float(np.hypot(axis.direction_sigma_deg, few))
+    return replace(axis, evidence=tuple(names), direction_sigma_deg=sigma)
