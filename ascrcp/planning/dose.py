@@ -141,14 +141,24 @@ def solve_dose(
     need = need - process.dose.hold_back * np.maximum(need, 0.0)
     cell = target.cell
     size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
-    weight = np.maximum(uniform_filter(mask.astype(float), size, mode="constant"), WEIGHT_FLOOR)
+    # arches and rock are surfaces of their own: an excess on one does not make up for a lack on the other
+    sides = [mask & side for side in (target.arch, ~target.arch)]
+    weights = [
+        np.maximum(uniform_filter(m.astype(float), size, mode="constant"), WEIGHT_FLOOR) for m in sides
+    ]
     share = cell[0] * cell[1] / (unit * process.dose.point_spacing_m)
 
     def patches(residual: Array) -> Array:
-        return np.asarray(uniform_filter(np.where(mask, residual, 0.0), size, mode="constant") / weight)
+        means = np.zeros(residual.shape)
+        for side, weight in zip(sides, weights, strict=True):
+            means += side * uniform_filter(side * residual, size, mode="constant") / weight
+        return means
 
     def adjoint(values: Array) -> Array:
-        return np.asarray(np.where(mask, uniform_filter(values / weight, size, mode="constant"), 0.0))
+        spread = np.zeros(values.shape)
+        for side, weight in zip(sides, weights, strict=True):
+            spread += side * uniform_filter(side * values / weight, size, mode="constant")
+        return spread
 
     joined = np.diff(stretches.first) == 1
     joined &= lines.pass_index[stretches.first[1:]] == lines.pass_index[stretches.first[:-1]]

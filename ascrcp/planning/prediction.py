@@ -10,7 +10,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.pump import laid_amount
 from ascrcp.planning.spray_plan import SprayPlan
-from ascrcp.planning.target import LEFT_TEXT, Left, mean_patch
+from ascrcp.planning.target import LEFT_TEXT, Left, mean_finish, mean_patch
 
 
 @dataclass(frozen=True)
@@ -123,7 +123,7 @@ def judge(plan: SprayPlan, growth: Array, process: ProcessParameters) -> Array:
             target.station < target.station[rows[-1]] - p.corner_m
         )
         inside = inside & near[:, None]
-    return mean_patch(target.offset - growth - target.wanted, inside, target.cell, p.patch_m)
+    return mean_finish(target.offset - growth - target.wanted, inside, target, p.patch_m)
 
 
 def _thickest_layer(plan: SprayPlan, amount: Array, process: ProcessParameters) -> float:

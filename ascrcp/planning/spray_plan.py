@@ -23,7 +23,7 @@ from ascrcp.planning.dose import (
 from ascrcp.planning.layer import count_layers
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
 from ascrcp.planning.process import ProcessParameters
-from ascrcp.planning.target import Left, Target, find_target, mean_patch
+from ascrcp.planning.target import Left, Target, find_target, mean_finish
 from ascrcp.planning.wall import find_floor, fit_wall
 
 Progress = Callable[[float], None]
@@ -203,7 +203,7 @@ def find_thin(target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
     Raises:
         InputError: There are none.
     """
-    lack = mean_patch(target.offset - target.wanted, target.inside, target.cell, process.target.patch_m)
+    lack = mean_finish(target.offset - target.wanted, target.inside, target, process.target.patch_m)
     with np.errstate(invalid="ignore"):
         thin = lack > RESPRAY_SHARE * process.target.tolerance_m
     if not thin.any():

@@ -167,6 +167,13 @@ def curvature_radius(profile: Profile, along: Array) -> Array:
     return np.asarray(np.array([a.radius for a in profile.arcs])[arc])
 
 
+def mean_finish(grid: Array, mask: NDArray[np.bool_], target: Target, patch: float) -> Array:
+    """Average over patches of one surface, arches and rock each on their own; NaN where too little counts."""
+    sides = (mean_patch(grid, mask & side, target.cell, patch) for side in (target.arch, ~target.arch))
+    on, beside = sides
+    return np.where(target.arch, on, beside)
+
+
 def mean_patch(grid: Array, mask: NDArray[np.bool_], cell: tuple[float, float], patch: float) -> Array:
     """Average masked cells over a patch about every cell; NaN where less than half of it counts.
 

@@ -1,0 +1,219 @@
+"""Planned spraying on generated headings, sprayed by the simulated jet: finish, concrete, a second scan."""
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ascrcp.cli.bench import Figure, Say
+from ascrcp.cli.spray_site import Finish, Site, drive, drive_thesis
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import JointSequence
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import Arm, load_arm
+from ascrcp.kinematics.obstacle import Obstacles
+from ascrcp.planning.parameter import Parameters, change, load_parameters
+from ascrcp.planning.prediction import judge
+from ascrcp.planning.process import ProcessParameters
+from ascrcp.planning.pump import laid_amount
+from ascrcp.planning.rescan import find_after
+from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
+from ascrcp.simulation.bare_wall import grow_heading
+
+HEADINGS = 20
+STRAY = 0.10  # how far the planner's own model is bent for the second line, each parameter up or down
+
+
+@dataclass(frozen=True)
+class Sprayed:
+    """One heading sprayed.
+
+    Attributes:
+        first, first_all: Finish after the first spraying, where the scan had seen the wall and with what
+            lay in shadow and was estimated.
+        second, second_all: The same after a second scan and spraying.
+        bent: Finish by the planner's own model with its parameters bent.
+        thesis: Finish of the thesis's path at constant speed and flow, where the scan had seen the wall.
+        concrete: What stuck after both over what was wanted where it was sprayed.
+        rebound: Share of the pumped concrete that rebounded.
+        planned, reached: Points.
+        left: Area that was to be sprayed but is unseen, shadowed or out of reach [m2].
+        plan_s: Processor time of planning [s].
+    """
+
+    first: Finish
+    first_all: Finish
+    second: Finish
+    second_all: Finish
+    bent: Finish
+    thesis: Finish
+    concrete: float
+    rebound: float
+    planned: int
+    reached: int
+    left: float
+    plan_s: float
+
+
+def spray_heading(arm: Arm, seed: int, parameters: Parameters) -> Sprayed:
+    """Plan, drive and spray one heading; scan it again, spray again; and once by the thesis's plan."""
+    site = Site(arm, seed, parameters)
+    obstacles = Obstacles.from_surface(site.surface, arm, bodies=parameters.solve.bodies)
+    begin = time.process_time()
+    plan = plan_spray(site.surface, parameters.path, parameters.process)
+    plan_s = time.process_time() - begin
+    driven, sequence, reached = drive(site, plan, obstacles)
+    sprayer = site.sprayer()
+    grown = site.spray(sprayer, sequence)
+    first, first_all = (site.judge(driven, grown, seen) for seen in (True, False))
+    rebound, pumped = grown.rebound / grown.pumped, grown.pumped
+    cloud = site.scan(grow_heading(site.heading, site.bare, grown.rock, grown.flange), 1)
+    after = find_after(cloud.points, site.surface, driven.target)
+    again = plan_again(site, after)
+    if again is not None:
+        grown = site.spray(sprayer, drive(site, again, obstacles)[1])
+    second, second_all = (site.judge(driven, grown, seen) for seen in (True, False))
+    by_thesis = site.spray(site.sprayer(), drive_thesis(site, obstacles, pumped))
+    return Sprayed(
+        first=first,
+        first_all=first_all,
+        second=second,
+        second_all=second_all,
+        bent=bend(site, driven, sequence, np.random.default_rng([seed, 2000])),
+        thesis=site.judge(driven, by_thesis, True),
+        concrete=(grown.pumped - grown.rebound) / site.wanted(driven),
+        rebound=rebound,
+        planned=len(plan.path),
+        reached=reached,
+        left=float(driven.target.area[driven.target.left > 1].sum()),
+        plan_s=plan_s,
+    )
+
+
+def plan_again(site: Site, after: Array) -> SprayPlan | None:
+    """Plan what a second scan found too thin; None if nothing is."""
+    try:
+        return plan_spray(site.surface, site.parameters.path, site.parameters.process, after)
+    except InputError:
+        return None
+
+
+def bend(site: Site, driven: SprayPlan, sequence: JointSequence, rng: np.random.Generator) -> Finish:
+    """Judge the driven rows by the planner's model with other parameters than it planned with."""
+    process = site.parameters.process
+    other = bend_process(process, rng)
+    reached = np.zeros(len(driven.path), dtype=bool)
+    first = driven.dose.stretches.first
+    reached[first] = reached[first + 1] = True
+    stretches = replan(driven.layout, site.surface, driven.path, reached, other).dose.stretches
+    amount = laid_amount(sequence, stretches.first, stretches.length, len(driven.path), process.spray)
+    growth = (stretches.growth @ amount).reshape(driven.target.offset.shape)
+    finish = judge(driven, growth, process)
+    ok = np.isfinite(finish)
+    return Finish(finish[ok], driven.target.area[ok])
+
+
+def bend_process(process: ProcessParameters, rng: np.random.Generator) -> ProcessParameters:
+    """Bend radius and rebound by up to `STRAY`, each on its own."""
+
+    def bent(value: float) -> float:
+        return value * float(rng.uniform(1.0 - STRAY, 1.0 + STRAY))
+
+    spray, rebound = process.spray, process.rebound
+    return change(
+        process,
+        spray=change(spray, radius_m=bent(spray.radius_m)),
+        rebound=change(
+            rebound, wall=bent(rebound.wall), crown=bent(rebound.crown), angle=bent(rebound.angle)
+        ),
+    )
+
+
+def measure_planning(machine: str, seed: int, say: Say, headings: int = HEADINGS) -> list[Figure]:
+    """Spray generated headings and hold the planner to its promises.
+
+    Args:
+        machine: Name of the arm.
+        seed: Of the first heading; the others follow it.
+        say: Takes progress.
+        headings: How many.
+    """
+    arm = load_arm(machine)
+    description = arm.description
+    if description.path is None or description.clearance is None or description.lidar is None:
+        return [Figure("planned spraying", None, "", note=f"machine {machine} does not spray by a scan")]
+    parameters = load_parameters()
+    found = []
+    for number in range(headings):
+        found.append(spray_heading(arm, seed + number, parameters))
+        one = found[-1]
+        say(
+            f"bench: heading {number + 1} of {headings}: "
+            f"{100 * one.first.within(parameters.process.target.tolerance_m):.1f} % within at once, "
+            f"{100 * one.second.within(parameters.process.target.tolerance_m):.1f} % after a second scan"
+        )
+    return list_figures(found, parameters)
+
+
+def list_figures(found: list[Sprayed], parameters: Parameters) -> list[Figure]:
+    """Put the headings' results beside their aims."""
+    tolerance = parameters.process.target.tolerance_m
+
+    def joined(name: str) -> Finish:
+        parts: list[Finish] = [getattr(one, name) for one in found]
+        return Finish(np.concatenate([p.value for p in parts]), np.concatenate([p.area for p in parts]))
+
+    def within(what: str, name: str, aim: float | None) -> Figure:
+        each = [100 * getattr(one, name).within(tolerance) for one in found]
+        note = f"{1e3 * tolerance:g} mm, patches of 0.3 m; worst heading {min(each):.1f} %"
+        return Figure(what, 100 * joined(name).within(tolerance), "%", aim, more_is_better=True, note=note)
+
+    first, second, thesis = joined("first"), joined("second"), joined("thesis")
+    left = sum(one.left for one in found) / len(found)
+    planned, reached = sum(one.planned for one in found), sum(one.reached for one in found)
+    ratio = [one.concrete for one in found]
+    gain = [one.thesis.deviation / one.first.deviation for one in found]
+    return [
+        within("finish within tolerance, no second scan", "first", 95.0),
+        within("the same with what lay in shadow", "first_all", None),
+        within("the same by the planner's bent model", "bent", 95.0),
+        within("finish within tolerance, one second scan", "second", 99.0),
+        within("the same with what lay in shadow", "second_all", None),
+        Figure(
+            "thinnest patch after it",
+            1e3 * float(second.value.max()),
+            "mm",
+            30.0,
+            note=f"{1e3 * float(first.value.max()):.0f} mm before; 99.9 % of the area below "
+            f"{1e3 * float(np.quantile(second.value, 0.999)):.0f} mm",
+        ),
+        Figure(
+            "concrete beyond wanted / (1 - rebound)",
+            100 * abs(float(np.mean(ratio)) - 1.0),
+            "%",
+            5.0,
+            note=f"rebound {100 * float(np.mean([one.rebound for one in found])):.0f} %, "
+            f"headings {100 * (min(ratio) - 1):+.1f}..{100 * (max(ratio) - 1):+.1f} %",
+        ),
+        Figure(
+            "deviation, thesis's plan over ours",
+            thesis.deviation / first.deviation,
+            "x",
+            3.0,
+            more_is_better=True,
+            note=f"{1e3 * thesis.deviation:.0f} over {1e3 * first.deviation:.1f} mm; worst {min(gain):.1f} x",
+        ),
+        Figure(
+            "points reached",
+            100.0 * reached / planned,
+            "%",
+            note=f"of {planned}; {left:.1f} m2 a heading left out",
+        ),
+        Figure(
+            "planning a heading",
+            float(np.median([one.plan_s for one in found])),
+            "s",
+            1.5,
+            note="median, processor time",
+        ),
+    ]

@@ -1,0 +1,171 @@
+"""One generated heading to be sprayed: scanned, planned, driven, sprayed by the simulated jet and judged."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ascrcp.core.config import load
+from ascrcp.core.flow import Cloud, JointSequence, Scan
+from ascrcp.core.geometry import Array
+from ascrcp.core.paths import CONFIG
+from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.obstacle import Obstacles
+from ascrcp.kinematics.path import solve_path
+from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.perception.project import project
+from ascrcp.perception.recognise import recognise
+from ascrcp.planning.parameter import Parameters
+from ascrcp.planning.path import plan as plan_thesis
+from ascrcp.planning.pump import fill_flow
+from ascrcp.planning.spray_plan import SprayPlan, replan
+from ascrcp.planning.target import ARCH_DEPTH_M, Target, find_target, mean_finish
+from ascrcp.planning.timing import time_path
+from ascrcp.planning.wall import fit_wall
+from ascrcp.simulation.bare_wall import lay_bare, sample
+from ascrcp.simulation.deposition import Grown, Sprayer, load_deposition
+from ascrcp.simulation.heading import Heading, build_heading
+from ascrcp.simulation.lidar_model import LidarConfig, LidarModel
+from ascrcp.simulation.tunnel import TunnelConfig
+
+MET_M = 0.005  # cells that get less are beside the spray, not under it; placeholder
+PAN_STEP_DEG = 0.4  # coarser than the machine's sweep: a third of its points, for time
+
+
+@dataclass(frozen=True)
+class Finish:
+    """How far patches are from the wanted surface [m], outward (too thin) positive, and their areas [m2]."""
+
+    value: Array
+    area: Array
+
+    def within(self, tolerance: float) -> float:
+        """Share of the area within a tolerance."""
+        return float(self.area[np.abs(self.value) <= tolerance].sum() / self.area.sum())
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation [m]."""
+        mean = np.average(self.value, weights=self.area)
+        return float(np.sqrt(np.average((self.value - mean) ** 2, weights=self.area)))
+
+
+class Site:
+    """One heading with its true wall, scanned and recognised."""
+
+    def __init__(self, arm: Arm, seed: int, parameters: Parameters) -> None:
+        self.arm, self.seed, self.parameters = arm, seed, parameters
+        tunnel = load(CONFIG / "simulation" / "tunnel.yaml", TunnelConfig, {"bodies": []})
+        self.heading = build_heading(tunnel, np.random.default_rng(seed))
+        self.surface = recognise(self.scan(self.heading, 0), self.heading.truth.profile, load_perception())
+        self._deposition = load_deposition()
+        self.bare = lay_bare(self.heading, self._deposition.cell_m, ARCH_DEPTH_M)
+        self.truth = self._find_truth()
+
+    def scan(self, heading: Heading, number: int) -> Cloud:
+        """Scan from the zero pose; every scan has noise of its own."""
+        config = load(CONFIG / "simulation" / "lidar.yaml", LidarConfig)
+        lidar, rng = LidarModel(config, heading), np.random.default_rng([self.seed, number])
+        mount = self.arm.lidar(self.arm.zero_pose)
+        pan = np.radians(np.arange(-90.0, 90.0, PAN_STEP_DEG))
+        ranges = np.array([lidar.measure(mount, angle, rng) for angle in pan], dtype=np.float32)
+        return project(Scan(ranges, config.beam, pan, self.arm.zero_pose), mount)
+
+    def sprayer(self) -> Sprayer:
+        """Return a fresh wall with a jet drawn from the heading's seed."""
+        return Sprayer(self.bare, self._deposition, np.random.default_rng([self.seed, 1000]))
+
+    def spray(self, sprayer: Sprayer, sequence: JointSequence) -> Grown:
+        """Spray a sequence onto what the sprayer has laid before."""
+        pump = self.parameters.process.spray.pump_m3_s
+        return sprayer.spray(sequence, self.heading.truth.axis.T_base_tunnel, pump)
+
+    def _find_truth(self) -> Target:
+        """Return present and wanted surface of the true wall: nothing of it is known to the planner."""
+        true, none = self.heading.truth, self.surface.points[:0]
+        surface = replace(
+            self.surface,
+            axis=true.axis,
+            unsprayed=true.unsprayed,
+            arches=true.arches,
+            station=self.bare.station,
+            along=self.bare.along,
+            offset=self.bare.rock.astype(np.float32),
+            filled=np.zeros(self.bare.rock.shape, dtype=bool),
+            points=none,
+            labels=self.surface.labels[:0],
+        )
+        path = self.parameters.path
+        return find_target(surface, fit_wall(surface, path), self.parameters.process, path.bridge_m)
+
+    def judge(self, plan: SprayPlan, grown: Grown, seen_only: bool) -> Finish:
+        """Average the true wall's distance from the wanted surface over patches that can be reached.
+
+        Args:
+            plan: Tells what it says it can cover.
+            grown: What was laid.
+            seen_only: Leave out what the first scan did not see.
+        """
+        truth, process = self.truth, self.parameters.process
+        station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
+        row = (station - self.bare.station[0]) / (self.bare.station[1] - self.bare.station[0])
+        column = (along - self.bare.along[0]) / (self.bare.along[1] - self.bare.along[0])
+        shape = truth.offset.shape
+        layer = np.where(
+            truth.arch,
+            sample(grown.flange, row, column).reshape(shape),
+            sample(grown.rock, row, column).reshape(shape),
+        )
+        mask = self.judged(plan, seen_only)
+        finish = mean_finish(truth.offset - layer - truth.wanted, mask, truth, process.target.patch_m)
+        ok = np.isfinite(finish)
+        return Finish(finish[ok], truth.area[ok])
+
+    def judged(self, plan: SprayPlan, seen_only: bool) -> NDArray[np.bool_]:
+        """Mark what is judged: to be sprayed, reachable, not in the corners at face and sprayed part."""
+        truth, corner = self.truth, self.parameters.process.target.corner_m
+        first, last = self.heading.truth.unsprayed
+        face = np.interp(truth.along, self.bare.along, np.nan_to_num(self.bare.face, posinf=1e3))
+        row = truth.station[:, None]
+        mask = truth.inside & (row > first + corner) & (row < np.minimum(last, face) - corner)
+        station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
+        reach = plan.target.sample(plan.exposed.astype(float), station, along) > 0.5
+        mask &= reach.reshape(mask.shape)
+        return mask & (self._is_seen(station, along).reshape(mask.shape) | truth.arch) if seen_only else mask
+
+    def wanted(self, plan: SprayPlan) -> float:
+        """Concrete wanted wherever the plan sprays, corners too [m3]."""
+        truth = self.truth
+        station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
+        met = plan.target.sample((plan.growth > MET_M).astype(float), station, along) > 0.5
+        return float((truth.thickness * truth.area)[met.reshape(truth.offset.shape) & truth.inside].sum())
+
+    def _is_seen(self, station: Array, along: Array) -> NDArray[np.bool_]:
+        s = self.surface
+        row = np.rint((station - s.station[0]) / (s.station[1] - s.station[0])).astype(np.int64)
+        column = np.rint((along - s.along[0]) / (s.along[1] - s.along[0])).astype(np.int64)
+        row, column = np.clip(row, 0, len(s.station) - 1), np.clip(column, 0, len(s.along) - 1)
+        return np.asarray(~s.filled[row, column] & np.isfinite(s.offset[row, column]))
+
+
+def drive(site: Site, plan: SprayPlan, obstacles: Obstacles) -> tuple[SprayPlan, JointSequence, int]:
+    """Solve and time a plan as the job does; return it as driven, its rows, and the points reached."""
+    p, arm = site.parameters, site.arm
+    found = solve_path(arm, plan.path, arm.zero_pose, obstacles=obstacles)
+    driven = replan(plan.layout, site.surface, found.path, found.solved, p.process)
+    timed = time_path(arm, driven.path, found.q, found.break_before, p.timing, obstacles)
+    return driven, fill_flow(timed.sequence, driven.path, p.process.spray), int(found.solved.sum())
+
+
+def drive_thesis(site: Site, obstacles: Obstacles, volume: float) -> JointSequence:
+    """Drive the thesis's path at one speed with one flow, that which pumps a given volume [m3]."""
+    p, arm = site.parameters, site.arm
+    path = plan_thesis(site.surface, p.path)
+    found = solve_path(arm, path, arm.zero_pose, obstacles=obstacles)
+    sequence = time_path(arm, found.path, found.q, found.break_before, p.timing, obstacles).sequence
+    spraying = float(np.diff(sequence.t)[sequence.spraying[:-1]].sum())
+    share = volume / (spraying * p.process.spray.pump_m3_s)
+    # a constant speed that much slower lays the same: the flow cannot exceed the pump's largest
+    stretch = max(1.0, share)
+    flow = np.where(sequence.spraying, share / stretch, 0.0)
+    return replace(sequence, t=sequence.t * stretch, flow=flow)
