@@ -28,6 +28,7 @@ class WallCells:
         point: Wall points in the base frame [m], shape (m, 3).
         angle: Section angle of the wall points [rad], shape (m,).
         T: Nozzle poses square to the wall, roll free, base frame, shape (m, 4, 4).
+        path: The same as points of a spray path.
         asked: Whether the planner would spray there: seen, and the nozzle clear of the floor, (m,).
         floor: Height of the floor in the section plane [m].
     """
@@ -37,6 +38,7 @@ class WallCells:
     point: Array
     angle: Array
     T: Array
+    path: SprayPath
     asked: NDArray[np.bool_]
     floor: float
 
@@ -77,7 +79,7 @@ def lay_cells(surface: Surface, parameters: PlanningParameters, cell: float) -> 
         R_base_tunnel=T[:3, :3],
     )
     return WallCells(
-        station, along, apply_transform(T, point), path.angle, spray_pose(path), asked, wall.floor_z
+        station, along, apply_transform(T, point), path.angle, spray_pose(path), path, asked, wall.floor_z
     )
 
 

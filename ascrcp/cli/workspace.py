@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ascrcp.cli import workspace_picture as picture
 from ascrcp.cli.output import OK, Output
@@ -16,7 +17,13 @@ from ascrcp.core.flow import Surface
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import load_profile
 from ascrcp.kinematics.arm import Arm, load_arm
+from ascrcp.kinematics.barrier import make_barrier
+from ascrcp.kinematics.candidate import make_grid
+from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.lean import LeanSearch
 from ascrcp.kinematics.reach import Parking, ReachMap, compare_places, find_reach
+from ascrcp.kinematics.smooth import make_cost
+from ascrcp.kinematics.spacing import STAND_OFF
 from ascrcp.kinematics.workspace import (
     Extreme,
     ReachConfig,
@@ -27,9 +34,12 @@ from ascrcp.kinematics.workspace import (
 )
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.session.round import Round
+from ascrcp.session.stages import find_obstacles
 from ascrcp.session.store import read_surface, write_json
 
 DECIMALS = 4
+
+HIT = "every posture within reach would hit something"
 
 
 def workspace(options: Options, output: Output) -> int:
@@ -50,11 +60,12 @@ def workspace(options: Options, output: Output) -> int:
     cells = None
     if surface is not None:
         cells, reach = _map_heading(arm, surface, config, options.load_kg, output)
+        blocked = _find_blocked(options, arm, cells, reach)
         parking = _compare(arm, surface, config, options.load_kg, output)
-        files["reach.csv"] = _encode_reach(arm, cells, reach)
-        files["reach.png"] = picture.draw_reach(arm, cells, reach)
+        files["reach.csv"] = _encode_reach(arm, cells, reach, blocked)
+        files["reach.png"] = picture.draw_reach(arm, cells, reach, blocked)
         files["parking.png"] = picture.draw_parking(parking)
-        tree |= _heading_tree(arm, cells, reach, parking)
+        tree |= _heading_tree(arm, cells, reach, blocked, parking)
         lines += _heading_text(tree)
     files["workspace.png"] = picture.draw_workspace(arm, cloud, extremes, cells)
     _write(options.out, files, tree)
@@ -83,6 +94,39 @@ def _map_heading(
     return cells, find_reach(arm, cells.T, config.reach, payload_kg, output.bar("reach map"))
 
 
+def _find_blocked(options: Options, arm: Arm, cells: WallCells, reach: ReachMap) -> NDArray[np.bool_] | None:
+    """Mark cells within reach where every posture would hit what the round's scan saw, shape (m,).
+
+    Looked at as solving does: the posture with most margin first, then the candidates over roll, q5, q6
+    and the leans the process allows. None where no scan or no shapes of links are known.
+    """
+    model, room = arm.description.path, arm.description.clearance
+    if options.round is None or model is None or room is None:
+        return None
+    obstacles = find_obstacles(Round(options.round), arm, load_planning())
+    if obstacles is None:
+        return None
+    blocked = np.zeros(len(cells.T), dtype=bool)
+    rows = np.flatnonzero(cells.asked & reach.reachable)
+    rows = rows[~(clearance(arm, reach.q[rows], obstacles).distance >= room.least)]
+    search = LeanSearch(
+        arm,
+        model,
+        make_cost(arm, model),
+        make_grid(arm, model),
+        make_barrier(arm, obstacles),
+        room.wanted,
+        float(np.radians(room.tilt_limit_deg)),
+        STAND_OFF,
+        options.load_kg,
+    )
+    alone = np.full(len(rows), np.inf)
+    none = np.zeros(len(rows), dtype=bool)
+    found = search.find(cells.path, rows, alone, reach.q[rows], none, np.zeros((len(rows), 3)))
+    blocked[rows] = ~(found.best >= room.least)
+    return blocked
+
+
 def _compare(
     arm: Arm, surface: Surface, config: WorkspaceConfig, payload_kg: float, output: Output
 ) -> Parking:
@@ -101,8 +145,12 @@ def _compare(
     return compare_places(arm, T, places, coarse, payload_kg, output.bar("parking places"))
 
 
-def _heading_tree(arm: Arm, cells: WallCells, reach: ReachMap, parking: Parking) -> dict[str, Any]:
+def _heading_tree(
+    arm: Arm, cells: WallCells, reach: ReachMap, blocked: NDArray[np.bool_] | None, parking: Parking
+) -> dict[str, Any]:
     asked, reached = cells.asked, cells.asked & reach.reachable
+    if blocked is not None:
+        reached = reached & ~blocked
     reasons: dict[str, int] = {}
     for row in np.flatnonzero(asked & ~reach.reachable):
         joint = reach.joint[row]
@@ -117,7 +165,8 @@ def _heading_tree(arm: Arm, cells: WallCells, reach: ReachMap, parking: Parking)
             "margin_mean": float(reach.margin[reached].mean()) if reached.any() else None,
             "margin_min": float(reach.margin[reached].min()) if reached.any() else None,
             "out_of_reach": dict(sorted(reasons.items(), key=lambda item: -item[1])),
-            "clearance_considered": False,
+            "clearance_considered": blocked is not None,
+            "blocked": None if blocked is None else int(blocked.sum()),
         },
         "parking": {
             "forward_m": parking.offset.tolist(),
@@ -131,10 +180,10 @@ def _heading_tree(arm: Arm, cells: WallCells, reach: ReachMap, parking: Parking)
 
 def _heading_text(tree: dict[str, Any]) -> list[str]:
     reach, parking = tree["reach"], tree["parking"]
-    lines = [
-        f"{reach['reachable']} of {reach['cells']} cells ({reach['covered']:.1%}) can be sprayed from here; "
-        "obstacles are not considered"
-    ]
+    clear = reach["clearance_considered"]
+    about = f"{reach['blocked']} more would hit something" if clear else "obstacles are not known"
+    share = f"{reach['reachable']} of {reach['cells']} cells ({reach['covered']:.1%})"
+    lines = [f"{share} can be sprayed from here; {about}"]
     lines += [f"  {count} cells out of reach: {who}" for who, count in reach["out_of_reach"].items()]
     lines.append(
         f"best parking: {parking['best_forward_m']:+.2f} m forward of here, {parking['best_covered']:.1%}"
@@ -157,8 +206,9 @@ def _encode(columns: tuple[str, ...], values: Array) -> bytes:
     return ("\n".join(rows) + "\n").encode()
 
 
-def _encode_reach(arm: Arm, cells: WallCells, reach: ReachMap) -> bytes:
+def _encode_reach(arm: Arm, cells: WallCells, reach: ReachMap, blocked: NDArray[np.bool_] | None) -> bytes:
     """One row per cell; margin and room are empty where no posture is real."""
+    hit = np.zeros(len(cells.T), dtype=bool) if blocked is None else blocked
     stations = np.repeat(cells.station, len(cells.along))
     along = np.tile(cells.along, len(cells.station))
     joints = [f"q{j.number}_{'mm' if j.prismatic else 'deg'}" for j in arm.joints]
@@ -175,12 +225,12 @@ def _encode_reach(arm: Arm, cells: WallCells, reach: ReachMap) -> bytes:
                 [
                     *(f"{x:.3f}" for x in place),
                     str(int(cells.asked[row])),
-                    str(int(reach.reachable[row])),
+                    str(int(reach.reachable[row] and not hit[row])),
                     f"{100 * reach.margin[row]:.2f}" if real else "",
                     str(joint + 1) if real else "",
                     f"{reach.room[row] * unit:.{DECIMALS}f}" if real else "",
                     *(f"{x:.{DECIMALS}f}" if real else "" for x in reach.q[row] * units),
-                    f'"{reach.reason(arm, row) or ""}"',
+                    f'"{HIT if hit[row] else reach.reason(arm, row) or ""}"',
                 ]
             )
         )

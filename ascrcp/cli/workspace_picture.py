@@ -9,6 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from ascrcp.cli.wall_cell import WallCells
 from ascrcp.core.geometry import Array
@@ -53,8 +54,8 @@ def draw_workspace(arm: Arm, cloud: Array, extremes: dict[str, Extreme], cells: 
     return _png(figure)
 
 
-def draw_reach(arm: Arm, cells: WallCells, reach: ReachMap) -> bytes:
-    """Draw the unrolled wall: margin or what is missing, and the joint whose range is nearest."""
+def draw_reach(arm: Arm, cells: WallCells, reach: ReachMap, blocked: NDArray[np.bool_] | None) -> bytes:
+    """Draw the unrolled wall: margin or what is missing, what is blocked, and the joint nearest its end."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(13, 7), layout="constrained", sharey=True)
     angle = np.degrees(cells.angle).reshape(cells.shape)
     station = np.broadcast_to(cells.station[:, None], cells.shape)
@@ -68,14 +69,18 @@ def draw_reach(arm: Arm, cells: WallCells, reach: ReachMap) -> bytes:
         scale = {"cmap": "Reds_r", "vmin": WORST, "vmax": 0.0}
         mesh = left.pcolormesh(station, angle, bad, shading="nearest", **scale)
         figure.colorbar(mesh, ax=left, label="out of reach: beyond a range by [% of it]", shrink=0.7)
+    if blocked is not None:
+        hit = blocked.reshape(cells.shape)
+        left.plot(station[hit], angle[hit], "kx", markersize=4)
     _draw_limits(right, arm, cells, reach, station, angle)
     for ax in (left, right):
         ax.set_facecolor("#d0d0d0")
         ax.set_xlabel("station along the axis [m]")
     left.set_ylabel("section angle [deg]: 0 right, 90 crown, 180 left")
     asked, reached = int(cells.asked.sum()), int((cells.asked & reach.reachable).sum())
+    about = "obstacles not known" if blocked is None else "crosses: would hit something, however it leans"
     left.set_title(f"{reached} of {asked} cells within reach ({reached / asked:.1%})")
-    figure.suptitle(f"{arm.name}: nozzle square to the wall, obstacles not considered; grey: not asked")
+    figure.suptitle(f"{arm.name}: nozzle square to the wall; {about}; grey: not asked")
     return _png(figure)
 
 
