@@ -13,7 +13,8 @@ Positive = Annotated[float, Meta(gt=0.0, le=10_000.0)]
 Fraction = Annotated[float, Meta(gt=0.0, le=1.0)]
 DeadBand = Annotated[float, Meta(ge=0.0, le=0.3)]
 Share = Annotated[float, Meta(ge=0.0, le=1.0)]
-Controller = Literal["identified", "stick_slip", "segmented"]
+NotNegative = Annotated[float, Meta(ge=0.0, le=100.0)]
+Controller = Literal["identified", "stick_slip", "position", "fuzzy", "segmented", "pulsed", "separated"]
 Cycles = Annotated[int, Meta(ge=1, le=500)]
 
 
@@ -98,8 +99,49 @@ class IdentifiedConfig(Struct):
     centre: Share = 0.04
     learn: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.5
     offset_max: DeadBand = 0.1
-    zone: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.3
+    zone: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.5
     rest_speed: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.2
+
+
+class PositionConfig(Struct):
+    """Classic position PID, eq. 5-1, and the integral-separated one: straight to the drive.
+
+    Attributes:
+        kp: Drive per error [1/deg or 1/mm].
+        ti_s: Integration time, 0 switches the integral off.
+        td_s: Derivative time.
+        separation: Error beyond which the separated PID has no integral [deg or mm].
+    """
+
+    kp: Annotated[float, Meta(gt=0.0, le=100.0)] = 0.05
+    ti_s: Seconds = 0.0
+    td_s: Seconds = 0.0
+    separation: Positive = 1.0
+
+
+class FuzzyConfig(Struct):
+    """Fuzzy PID (thesis 5.1.2); the spans are what the rules add at PB and take away at NB.
+
+    Attributes:
+        error: Error at which its fuzzy set is PB [deg or mm].
+        rate: Rate of the error likewise [deg/s or mm/s].
+        rate_share: Share of the newest difference in the filtered rate.
+        kp: Drive per error [1/deg or 1/mm], and its span.
+        ki: Drive per error and second, and its span.
+        kd: Drive per rate of the error, and its span.
+        integral_max: Largest drive of the integral.
+    """
+
+    error: Positive = 3.0
+    rate: Positive = 3.0
+    rate_share: Share = 0.1
+    kp: NotNegative = 0.1
+    kp_span: NotNegative = 0.05
+    ki: NotNegative = 0.0
+    ki_span: NotNegative = 0.0
+    kd: NotNegative = 0.0
+    kd_span: NotNegative = 0.0
+    integral_max: Share = 0.1
 
 
 class StickSlipConfig(Struct):
@@ -127,10 +169,10 @@ class StickSlipConfig(Struct):
     cycles: Cycles = 2
     start_s: Seconds = 0.045
     stop_s: Seconds = 0.04
-    tail_s: Annotated[float, Meta(ge=-0.2, le=0.2)] = 0.0
+    tail_s: Annotated[float, Meta(ge=-0.2, le=0.2)] = 0.01
     tail_max_s: Seconds = 0.06
     band: Positive = 0.15
-    zone: Positive = 0.07
+    zone: Positive = 0.1
     kp: Annotated[float, Meta(gt=0.0, le=20.0)] = 3.0
 
 
@@ -157,6 +199,8 @@ class JointConfig(Struct):
         pulse: Pulsed jog, absent for joints that can be driven gently.
         identified: The project's own controller.
         stick_slip: The project's own controller of a joint that cannot turn slowly.
+        position: Classic and integral-separated PID.
+        fuzzy: Fuzzy PID.
     """
 
     name: str
@@ -178,9 +222,13 @@ class JointConfig(Struct):
     pulse: PulseConfig | None = None
     identified: IdentifiedConfig = IdentifiedConfig()
     stick_slip: StickSlipConfig = StickSlipConfig()
+    position: PositionConfig = PositionConfig()
+    fuzzy: FuzzyConfig = FuzzyConfig()
 
     def __post_init__(self) -> None:
         ends = [segment.to for segment in self.segments]
+        if self.controller == "pulsed" and self.pulse is None:
+            raise ConfigError(f"control: joint {self.name} is to be pulsed, but has no pulse settings")
         if not ends or ends != sorted(set(ends)):
             raise ConfigError(f"control: segments of joint {self.name} must be there and rise, got {ends}")
 

@@ -21,6 +21,12 @@ _STILL = 4
 _BEHIND = 2.0
 """Half teeth behind which a joint that turns more slowly than believed is driven harder (placeholder)."""
 
+_NEAR = 5.0
+"""Half teeth within which a piece at rest is measured out beforehand (placeholder)."""
+
+_TRIES = 8
+"""Pieces at rest after which the zone left alone is widened by itself (placeholder)."""
+
 _LEARN = 0.1
 """Share of what a piece contradicts the foresight by that is learned (placeholder)."""
 
@@ -30,7 +36,8 @@ class StickSlipControl:
 
     Attributes:
         position: Where the joint is believed to be [rad or m].
-        start_drive: Drive of a piece, [down, up]; raised while pieces move nothing.
+        start_drive: Drive of a piece, [down, up]; raised while pieces move nothing, lowered
+            again while they move more than foreseen.
         tail: Time a piece goes on after its drive is gone, less the time it began late [s], [down, up].
     """
 
@@ -44,7 +51,6 @@ class StickSlipControl:
         self._zone = own.zone * si
         self._resolution = config.resolution * si
         self._ramp = Ramp(config.ramp)
-        self._delay = config.delay_s
         self.start_drive = [own.drive, own.drive]
         self.tail = [own.tail_s, own.tail_s]
         self.position = 0.0
@@ -56,6 +62,7 @@ class StickSlipControl:
         self._piece = _Piece()
         self._sign = 0
         self._idle = _STILL
+        self._tries = 0
         self._back = False
 
     def drive(self, want: Want) -> float:
@@ -63,7 +70,9 @@ class StickSlipControl:
         self.position = want.measured
         if not (abs(want.target) < math.inf and abs(want.ahead) < math.inf):
             return math.nan
-        if self._sign == 0:
+        if not want.obeyed:
+            self.clear()  # what the machine does not do teaches nothing
+        elif self._sign == 0:
             self._rest(want)
         elif want.wait or self._is_enough(want):
             self._sign, self._idle = 0, 0
@@ -83,15 +92,19 @@ class StickSlipControl:
             self._learn(want)
         error = self._left(want, self._own.start_s)
         is_still = want.speed == 0.0 and want.ahead == 0.0
-        if abs(error) <= (self._zone if is_still else self._band):
-            return
         sign = 1 if error > 0.0 else -1
+        self._tries = self._tries if is_still else 0
+        zone = self._zone * (1 + self._tries // _TRIES)  # no endless search for what it cannot do
+        if abs(error) <= (zone if is_still else self._half_tooth(sign)):
+            return
+        self._tries += 1
         least = self._length(sign, self._own.cycles)
         self._back = is_still and abs(error) < 0.75 * least and not self._back
         if self._back:
             self._begin(want, -sign, self._own.cycles + 1)
         else:
-            self._begin(want, sign, self._cycles_for(abs(error), sign) if is_still else 0)
+            is_measured = is_still and abs(error) < _NEAR * self._half_tooth(sign)
+            self._begin(want, sign, self._cycles_for(abs(error), sign) if is_measured else 0)
 
     def _begin(self, want: Want, sign: int, planned: int) -> None:
         self._sign = sign
@@ -116,11 +129,17 @@ class StickSlipControl:
         turned = self._sign * (want.measured - piece.begun_at)
         to_come = self._length(self._sign, piece.cycles) - turned
         to_come = max(0.0, min(to_come, self._creep * self._own.stop_s))
-        return self._sign * self._left(want, self._own.stop_s) - to_come <= -self._band
+        left = self._sign * self._left(want, self._own.stop_s) - to_come
+        # half a cycle's way before half a tooth: one cycle more would bring it no nearer
+        return left <= 0.5 * self._creep * CYCLE_S - self._half_tooth(self._sign)
+
+    def _half_tooth(self, sign: int) -> float:
+        """Half of what a piece is meant to turn: at least half the shortest piece."""
+        return max(self._band, 0.5 * self._length(sign, self._own.cycles))
 
     def _wanted(self, want: Want) -> float:
         """Speed a gentle joint would be given [rad/s or m/s]."""
-        return (want.ahead + self._own.kp * self._left(want, self._delay)) / want.gain
+        return (want.ahead + self._own.kp * self._left(want, 0.0)) / want.gain
 
     def _piece_drive(self, want: Want) -> float:
         if self._sign == 0:
@@ -141,10 +160,13 @@ class StickSlipControl:
         if not piece.was_slow:
             return
         turned = piece.sign * (want.measured - piece.begun_at)
-        if turned < 0.5 * self._resolution:
+        foreseen = self._length(piece.sign, piece.cycles)
+        if turned < max(0.5 * self._resolution, 0.5 * foreseen):
             self.start_drive[up] = min(own.drive_max, self.start_drive[up] + own.drive_step)
             return
-        surprise = (turned - self._length(piece.sign, piece.cycles)) / self._creep
+        surprise = (turned - foreseen) / self._creep
+        if surprise > 0.0:
+            self.start_drive[up] = max(own.drive, self.start_drive[up] - own.drive_step)
         self.tail[up] = max(-own.tail_max_s, min(own.tail_max_s, self.tail[up] + _LEARN * surprise))
 
 

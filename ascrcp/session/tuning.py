@@ -40,7 +40,7 @@ PIECES = (6, 12, 18, 6, 12, 18)
 
 BREAKAWAY_STEP = 0.01
 BREAKAWAY_CYCLES = 6
-BREAKAWAY_MARGIN = 1.2
+BREAKAWAY_MARGIN = 1.5
 """Drive of a piece over the smallest that moved the joint (placeholder)."""
 
 FAST = (0.6, 0.85)
