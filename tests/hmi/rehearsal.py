@@ -12,12 +12,16 @@ from ascrcp.core.event import Reaction
 from ascrcp.core.flow import Arch, Axis, Bay, JointSequence, Label, Overbreak, Surface
 from ascrcp.core.machine_io import MachineInputs
 from ascrcp.core.profile import Arc, Profile
+from ascrcp.devices.codec import Codec
+from ascrcp.devices.joystick import LOST, StickState
+from ascrcp.devices.machine_link import DBC
 from ascrcp.kinematics import load_arm
 from ascrcp.session import state
 from ascrcp.session.alarm_history import AlarmHistory
 from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot, WallLayer
 from ascrcp.session.state import JobState, Mode, Refusal, Step
 
+LAYOUTS = tuple(Codec(DBC).by_name.values())
 SCAN_POSE = np.array([0.0, np.radians(20), 0.5, np.radians(-10), 0.0, 0.5, np.radians(90), np.radians(120)])
 
 
@@ -105,6 +109,9 @@ class Rehearsal:
         self.estop = False
         self.stops = 0
         self.closed = 0
+        self.site = self
+        self.stick = LOST
+        self.faults: dict[str, str] = {}
         self.more: dict[str, object] = {}
         self.messages: list[Announcement] = []
         self.drawn = Scene()
@@ -148,6 +155,7 @@ class Rehearsal:
             oil_temp_c=43.6,
             lateness=Lateness(0.1, 1.2, 2.7, 0),
             realtime_factor=20.4,
+            screen_stick=True,
             round_dir="rounds/2026-11-02_round_0042",
             alarms=self.history.alarms,
             inputs=MachineInputs(
@@ -161,7 +169,7 @@ class Rehearsal:
                 oil_temp_c=43.6,
                 pump_flow=0.8 if running else 0.0,
             ),
-            frames=tuple((0x201 + i, bytes([self.moment % 256, i, 0, 1, 2, 3, 4, 5])) for i in range(12)),
+            frames=tuple((layout.can_id, bytes([self.moment % 256] * layout.length)) for layout in LAYOUTS),
         )
         return replace(shown, **self.more)
 
@@ -179,7 +187,7 @@ class Rehearsal:
 
     def stop(self) -> None:
         self.stops += 1
-        self.job = state.stop(self.job)
+        self.job = state.end_jog(state.stop(self.job))
         self.causes = self.causes or ("operator_stop",)
 
     def reset(self) -> None:
@@ -192,6 +200,35 @@ class Rehearsal:
 
     def choose_mode(self, mode: Mode) -> None:
         self.job = state.choose_mode(self.job, mode)
+
+    def jog_refusal(self) -> Refusal | None:
+        return state.jog_refusal(self.job)
+
+    def start_jog(self, kind: str, joint: int = 0) -> None:
+        reason = self.jog_refusal()
+        if reason is not None:
+            raise RefusedError(reason.value[0])
+        self.job = state.start_jog(self.job)
+
+    def finish_steering(self) -> None:
+        self.job = state.end_jog(self.job)
+
+    def put_stick(self, stick: StickState) -> None:
+        self.stick = stick
+        self.job = replace(self.job, has_joystick=not stick.lost)
+
+    def plant_fault(self, kind: str, frame: str, value: float) -> None:
+        self.faults[frame] = kind
+
+    def clear_faults(self) -> None:
+        self.faults.clear()
+        self.estop = False
+
+    def press_estop(self) -> None:
+        self.estop = True
+
+    def release_estop(self) -> None:
+        self.estop = False
 
     def close(self) -> None:
         self.closed += 1
