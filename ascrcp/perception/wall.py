@@ -198,6 +198,7 @@ def expected_share(count: Array, density: Array, whole: Array, dark: Array) -> A
     Returns:
         The mean share given the count, shape (...).
     """
+    count = np.minimum(count, 3.0 * density + 30.0)  # more says no more, but would underflow
     at_whole = whole * np.exp(count * np.log(density) - density - gammaln(count + 1.0))
     at_dark = np.where(count > 0, 0.0, dark)
     cut = (1.0 - whole - dark) * gammainc(count + 1.0, density) / density

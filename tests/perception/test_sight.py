@@ -34,6 +34,11 @@ def test_a_share_lies_between_dark_and_whole_and_grows_with_the_count(
     assert 0.0 <= some <= more + 1e-9 and more <= 1.0 + 1e-9
 
 
+def test_far_more_points_than_expected_make_a_whole_cell() -> None:
+    share = expected_share(np.array([500.0]), np.array([1.0]), np.array([0.5]), np.array([0.01]))
+    assert share[0] == pytest.approx(1.0, abs=0.05)
+
+
 def test_shares_are_right_in_the_mean_over_cells_cut_anywhere() -> None:
     rng = np.random.default_rng(4)
     true = np.where(rng.random(200_000) < 0.3, 1.0, rng.random(200_000))
