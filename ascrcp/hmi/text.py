@@ -3,6 +3,7 @@
 from enum import IntEnum
 
 from ascrcp.hmi.text_page import PAGE_TEXT
+from ascrcp.hmi.text_semi import SEMI_TEXT
 from ascrcp.hmi.text_setup import SETUP_TEXT
 from ascrcp.session.state import Mode, Step
 
@@ -129,6 +130,7 @@ TEXT: dict[str, tuple[str, str]] = {
 
 TEXT.update(PAGE_TEXT)
 TEXT.update(SETUP_TEXT)
+TEXT.update(SEMI_TEXT)
 
 
 def say(key: str, language: Language) -> str:

@@ -22,6 +22,7 @@ from ascrcp.session.store import encode_json
 
 CHUNK_BYTES = 16 * 1024  # faults, trap 8
 KEPT_MESSAGES = 20_000  # waiting for the disk: two minutes of the run, 20 MB (placeholder)
+LOCKSTEP_DISK_S = 30.0  # what a busy disk may take while time stands still
 FLUSH_NS = 200_000_000  # at most this much of the run is lost to a killed process (faults G9: 0.5 s)
 
 Frames = list[tuple[int, bytes]]

@@ -23,7 +23,7 @@ from ascrcp.session.driver import LockstepDriver, RealTimeDriver, favour_applica
 from ascrcp.session.job import JOBS, Desk
 from ascrcp.session.notice import Notices
 from ascrcp.session.operation import Operation, StoppedError
-from ascrcp.session.recorder import Recorder
+from ascrcp.session.recorder import LOCKSTEP_DISK_S, Recorder
 from ascrcp.session.round import Round
 from ascrcp.session.scene import change_scene
 from ascrcp.session.setup import Setup
@@ -33,7 +33,6 @@ from ascrcp.session.view import add_machine, estimate_factor, estimate_remaining
 from ascrcp.session.wording import say_chinese
 
 COMPUTE_NICENESS = 10  # in real time: below the application (placeholder)
-LOCKSTEP_DISK_S = 30.0  # what a busy disk may take while time stands still
 RESET_PATIENCE_S = 0.25  # twice the time in which every sensor is heard
 
 T = TypeVar("T")
