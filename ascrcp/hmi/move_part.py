@@ -21,7 +21,7 @@ class MovePart(Panel):
     def __init__(self, session: Session) -> None:
         super().__init__(framed=False)
         self._session, self._joint = session, session.arm.joints[0]
-        self._is_stick = False
+        self._is_stick, self._held = False, 0
         self.hint = make_label("value", wrap=True)
         self.place, self.status = make_label("number"), make_label("message", wrap=True)
         self.buttons: dict[int, QPushButton] = {}
@@ -64,7 +64,9 @@ class MovePart(Panel):
         self._is_stick = snapshot.screen_stick
         if self._is_stick:
             held = int(self.plus.isDown()) - int(self.minus.isDown())
-            along = DEFLECTION * held
+            # the enable key counts only from a centred stick (fault F24): deflect one refresh later
+            along = DEFLECTION * held if held == self._held else 0.0
+            self._held = held
             self._session.put_stick(StickState(along=along, deadman=held != 0, lost=False, reason=""))
         reason = self._session.jog_refusal()
         self.begin_button.setText(say("move_end" if job.jogging else "move_begin", language))
