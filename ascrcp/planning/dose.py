@@ -25,7 +25,7 @@ EXPOSED = 0.45  # of the median exposure, below which a cell cannot be brought t
 LAYER_SLACK = 1.5  # a stretch may lay so much more than its share of the layer limit: its neighbours lay less
 LEAST_YIELD = 0.3  # a stretch that loses more is not driven harder; placeholder
 ROUNDS = 4  # of weighting the excess: the set of patches that have one hardly changes any more
-OVER_SHARE = 0.25  # of the tolerance, beyond which an excess weighs more; placeholder
+OVER_SHARE = 0.1  # of the tolerance, beyond which an excess weighs more; placeholder
 WEIGHT_FLOOR = 0.25  # of a patch inside the part to spray: less has no mean worth meeting
 
 
