@@ -67,6 +67,12 @@ def bench(options: Options, output: Output) -> int:
         from ascrcp.cli.bench_proof import prove_inverse
 
         proofs += prove_inverse(options.machine, options.seed, output.say)
+    if options.which in ("all", "sister"):
+        from ascrcp.cli.bench_sister import measure_sister
+
+        beside, held = measure_sister(options.seed, output.say)
+        figures += beside
+        proofs += held
     failed = [figure.what for figure in proofs if figure.is_met is False]
     tree = {
         "ok": not failed,

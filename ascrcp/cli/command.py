@@ -15,6 +15,8 @@ from ascrcp.cli.arm import forward, inverse, machines
 from ascrcp.cli.bench import bench
 from ascrcp.cli.calibrate import calibrate_machine
 from ascrcp.cli.doctor import doctor
+from ascrcp.cli.duct import duct
+from ascrcp.cli.muck import muck
 from ascrcp.cli.output import FAILED, OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.survey import align_lidar, section, thickness
@@ -240,6 +242,8 @@ COMMANDS: dict[str, Callable[[Options, Output], int]] = {
     "align": align_lidar,
     "thickness": thickness,
     "section": section,
+    "duct": duct,
+    "muck": muck,
     "doctor": doctor,
     "bench": bench,
 }

@@ -84,13 +84,16 @@ def duct(options: Options, output: Output) -> int:
     if not places:
         raise InputError(f"--at M is needed: where along the duct to spray, 0..{shape.station[-1]:.3f} m")
     scene = make_scene(shape)
-    stand_off = options.stand_off or parameters.stand_off
+    stand_off = parameters.stand_off if options.stand_off is None else options.stand_off
     rings = [make_ring(shape, at, parameters.count, stand_off) for at in places]
     tell = output.bar("rings")
     results: list[RingResult] = []
     for number, (at, ring) in enumerate(zip(places, rings, strict=True)):
         near = results[-1].closed[0].q[0] if results else None
-        results.append(solve_ring(scene, ring, at, options.seed, near))
+        try:
+            results.append(solve_ring(scene, ring, at, options.seed, near))
+        except UnreachableError as error:
+            raise UnreachableError(f"ring at {at:g} m: {error}") from None
         tell((number + 1) / len(rings))
     tree = {
         "ok": True,

@@ -7,7 +7,7 @@ from ascrcp import __version__
 
 Options = argparse.Namespace
 
-BENCHES = ("kinematics", "headings", "perception", "proof")
+BENCHES = ("kinematics", "headings", "perception", "proof", "sister")
 
 
 def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
@@ -68,6 +68,13 @@ def _payload(text: str) -> float:
     return value
 
 
+def _metres(text: str) -> float:
+    value = float(text)
+    if not 0.0 <= value <= 1000.0:
+        raise argparse.ArgumentTypeError(f"{text} m is not in 0..1000")
+    return value
+
+
 def build_parser() -> argparse.ArgumentParser:
     """Build the parser of the whole command line."""
     parser = argparse.ArgumentParser(
@@ -118,16 +125,12 @@ def build_parser() -> argparse.ArgumentParser:
             )
         if name == "bench":
             stage.add_argument("which", nargs="?", default="all", choices=("all", *BENCHES))
-        if name == "calibrate":
-            _calibration(stage)
         if name == "tune":
             stage.add_argument(
                 "--out", type=Path, required=True, metavar="YAML", help="the new control parameters"
             )
-        if name == "workspace":
-            _workspace(stage)
-        if name == "thickness":
-            _thickness(stage)
+        if name in _OWN:
+            _OWN[name](stage)
         if name == "section":
             stage.add_argument(
                 "--station", type=float, required=True, metavar="M", help="station along the axis [m]"
@@ -168,12 +171,48 @@ def _workspace(stage: argparse.ArgumentParser) -> None:
     stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where map and pictures go")
 
 
+def _duct(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument(
+        "contours",
+        nargs="?",
+        type=Path,
+        default=None,
+        metavar="CONTOURS",
+        help="csv or yaml; a trial bend if left out",
+    )
+    stage.add_argument(
+        "--at",
+        type=_metres,
+        action="append",
+        default=[],
+        metavar="M",
+        help="ring so far into the duct [m]; may be repeated",
+    )
+    stage.add_argument("--stand-off", type=_metres, default=None, metavar="M", help="gun to wall [m]")
+    stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where joints and pictures go")
+
+
+def _muck(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument("--depth", type=_metres, default=None, metavar="M", help="muck on the invert [m]")
+    stage.add_argument("--length", type=_metres, default=None, metavar="M", help="along the tunnel [m]")
+    stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where joints and picture go")
+
+
 def _thickness(stage: argparse.ArgumentParser) -> None:
     stage.add_argument(
         "--after", type=Path, required=True, metavar="DIR", help="recognised round of the second scan"
     )
     stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where map and figures go")
 
+
+_OWN = {
+    "calibrate": _calibration,
+    "workspace": _workspace,
+    "thickness": _thickness,
+    "duct": _duct,
+    "muck": _muck,
+}
+"""Options that one stage alone has."""
 
 _STAGES: tuple[tuple[str, str, bool | None], ...] = (
     ("scan", "zero the joints and scan the heading", False),
@@ -192,6 +231,8 @@ _STAGES: tuple[tuple[str, str, bool | None], ...] = (
     ("align", "find the pan head's zero from the lance in a round's scan", True),
     ("thickness", "layer between two scans of one wall, with its noise floor", True),
     ("section", "the wall in one plane across the axis", True),
+    ("duct", "contours of a duct -> joints that spray rings inside it (duct arm)", None),
+    ("muck", "muck on the invert -> scoops, joints and time (muck arm)", None),
     ("doctor", "say what is missing on this computer", None),
     ("bench", "measure figures beside peers", None),
 )

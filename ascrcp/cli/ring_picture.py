@@ -60,9 +60,9 @@ def _draw_collisions(ax: Any, scene: Scene, ring: Ring, verdict: Verdict) -> Non
     wide /= np.linalg.norm(wide)
     plane = np.stack([wide, np.cross(axis, wide)])
     wall = place + ring.stand_off * ring.T[:, :3, 2]
-    for points, style in ((wall, "k-"), (place, "-")):
+    for points, colour in ((wall, "black"), (place, "#bdbdbd")):
         x, y = plane @ (np.vstack([points, points[:1]]) - centre).T
-        ax.plot(x, y, style, lw=1, color=None if style == "k-" else "#bdbdbd")
+        ax.plot(x, y, "-", lw=1, color=colour)
     x, y = plane @ (place - centre).T
     touches = np.minimum(verdict.clearance[:-1], 0.0) < 0.0
     ax.scatter(x, y, c=np.where(touches, TOUCHES, CLEAR), s=30, zorder=3)

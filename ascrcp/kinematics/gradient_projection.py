@@ -14,6 +14,7 @@ from ascrcp.core.config import Struct
 from ascrcp.core.errors import UnreachableError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.reason import explain_failure
 
 Positive = Annotated[float, Meta(gt=0.0)]
 Share = Annotated[float, Meta(gt=0.0, le=1.0)]
@@ -161,7 +162,7 @@ def approach(arm: Arm, q: Array, T_wanted: Array, cost: LimitCost, parameters: P
     else:
         raise UnreachableError(f"{arm.name} does not reach a pose of the ring: {size:.3g} m or rad are left")
     if not bool(arm.within_limits(q)):
-        raise UnreachableError(f"{arm.name} reaches a pose of the ring only outside its joints' ranges")
+        raise UnreachableError(f"a pose of the ring is out of range: {explain_failure(arm, q)}")
     return q
 
 

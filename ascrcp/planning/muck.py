@@ -70,9 +70,9 @@ class MuckParameters(Struct):
             raise ConfigError("beam: top_z_m < bottom_z_m (z is down), and wall_from_deg < wall_to_deg")
 
 
-def load_muck_parameters() -> MuckParameters:
-    """Read config/muck.yaml."""
-    return load(CONFIG / "muck.yaml", MuckParameters)
+def load_muck_parameters(**changes: float) -> MuckParameters:
+    """Read config/muck.yaml, with some values replaced if given."""
+    return load(CONFIG / "muck.yaml", MuckParameters, changes)
 
 
 def find_segment_area(radius: float, depth: float) -> float:

@@ -50,7 +50,7 @@ class Scoop:
         legs: Scooping, carrying, returning.
         tip_s: Time the hand takes to turn over above the beam; it turns back on the way [s].
         clearance: Least distance of the arm from wall and beam on the way [m].
-        floor: Least distance of the bucket's lip from the wall on the way, negative beyond it [m].
+        floor: Least distance of the bucket's lip from the wall on the way [m].
         steepest: Most that the full bucket points up or down [rad].
     """
 
@@ -79,7 +79,8 @@ def plan_muck(
         progress: Called with the share done.
 
     Raises:
-        UnreachableError: A pose no posture reaches clear of wall and beam; the message names it.
+        UnreachableError: A pose no posture reaches clear of wall and beam, or a way between poses that comes
+            too near; the message names it.
     """
     postures = [plan_postures(arm, parameters, angle) for angle in angles]
     scoops = []
@@ -109,12 +110,19 @@ def _time_scoop(arm: Arm, parameters: MuckParameters, mine: Postures, end: Array
     legs = (scooping, carrying, returning)
     rows = np.vstack([leg.q for leg in legs])
     lip = arm.forward(rows)[:, :3, 3]
+    clearance = float(measure_clearance(arm, p, rows).min())
+    floor = float(p.tunnel_radius_m - np.hypot(lip[:, 1], lip[:, 2] - p.base_above_axis_m).max())
+    if not min(clearance, floor) >= 0.0:
+        raise UnreachableError(
+            f"{arm.name}: between the poses of the scoop at {np.degrees(mine.angle):.1f} deg the arm comes "
+            f"{1e3 * clearance:.0f} mm to wall or beam, the lip {1e3 * floor:.0f} mm to the wall"
+        )
     return Scoop(
         postures=mine,
         legs=legs,
         tip_s=180.0 / p.hand_speed_deg_s + p.hand_speed_deg_s / p.hand_acceleration_deg_s2,
-        clearance=float(measure_clearance(arm, p, rows).min()),
-        floor=float(p.tunnel_radius_m - np.hypot(lip[:, 1], lip[:, 2] - p.base_above_axis_m).max()),
+        clearance=clearance,
+        floor=floor,
         steepest=float(np.abs(find_pitch(arm, carrying.q)).max()),
     )
 
