@@ -77,6 +77,11 @@ class SteerTracker:
         """Whether the stick has the arm."""
         return self._kernel is not None
 
+    @property
+    def visited(self) -> frozenset[int]:
+        """Planned points sprayed at since `begin`; kept after `end`."""
+        return frozenset(self._visited)
+
     def begin(self, kernel: Kernel) -> None:
         """Give the arm to the stick; nothing moves before the key is pressed."""
         self._kernel = kernel

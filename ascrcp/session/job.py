@@ -70,11 +70,13 @@ class Desk:
         """Forget the last run: the next starts at the first point."""
         self.resume_s = 0.0
         self.reached = self.skipped = 0
+        self._visited: frozenset[int] = frozenset()
         self.collector = TraceCollector(self.session.arm.n)
 
     def keep_reached(self) -> None:
-        """Note how many planned points the stick has sprayed at."""
-        self.reached += self.session.track().reached
+        """Note which planned points the stick has sprayed at, each once."""
+        self._visited |= self.session.setup.stick.tracker.visited
+        self.reached = len(self._visited)
 
     def loaded(self) -> JointSequence:
         """Return the loaded sequence.

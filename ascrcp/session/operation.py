@@ -172,9 +172,9 @@ class Operation:
         motion = self._motion
         if motion is None or motion.number is None or output.motion < motion.number:
             return
-        if motion.collector is not None:
-            motion.collector.add(output)
         state = output.track.state
+        if motion.collector is not None and (state == "follow" or not motion.by_hand):
+            motion.collector.add(output)  # an operator may rest for hours
         if output.verdict.reaction >= Reaction.STOP:
             if motion.by_hand:
                 self._cycle.hold()

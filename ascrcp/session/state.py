@@ -147,5 +147,7 @@ def reset(state: JobState) -> JobState:
 
 
 def choose_mode(state: JobState, mode: Mode) -> JobState:
-    """Change the mode at rest; a step under way keeps its mode."""
-    return state if state.active is not None or state.jogging else replace(state, mode=mode)
+    """Change the mode at rest; a step under way keeps its mode. Each mode has a start of its own."""
+    if state.active is not None or state.jogging or state.mode is mode:
+        return state
+    return replace(state, mode=mode, done=state.done - {Step.GO_TO_START, Step.RUN})

@@ -13,10 +13,13 @@ from ascrcp.session.state import (
     Step,
     abandon,
     choose_mode,
+    end_jog,
     finish,
+    jog_refusal,
     refusal,
     reset,
     start,
+    start_jog,
     stop,
 )
 
@@ -93,3 +96,31 @@ def test_refusals_speak_both_languages() -> None:
     for reason in Refusal:
         english, chinese = reason.value
         assert english and any("一" <= c <= "鿿" for c in chinese)
+
+
+def test_each_mode_has_a_start_of_its_own() -> None:
+    job = READY
+    for step in STEPS[:4]:
+        job = do(job, step)
+    changed = choose_mode(replace(job, has_joystick=True), Mode.SEMI_AUTOMATIC)
+    assert refusal(changed, Step.RUN) is Refusal.NEEDS_GO_TO_START
+    assert choose_mode(job, Mode.AUTOMATIC) == job
+    assert {Step.LOAD, Step.RECOGNISE} <= changed.done
+
+
+def test_a_jog_needs_rest_a_reset_and_a_joystick_and_takes_the_start_back() -> None:
+    job = READY
+    for step in STEPS[:4]:
+        job = do(job, step)
+    assert jog_refusal(job) is Refusal.JOG_NEEDS_JOYSTICK
+    job = replace(job, has_joystick=True)
+    assert jog_refusal(job) is None
+    assert jog_refusal(start(job, Step.ZERO)) is Refusal.BUSY
+    assert jog_refusal(stop(job)) is Refusal.STOPPED
+    jogging = start_jog(job)
+    assert all(refusal(jogging, step) is Refusal.BUSY for step in STEPS)
+    assert choose_mode(jogging, Mode.SEMI_AUTOMATIC) == jogging
+    assert not stop(jogging).jogging
+    over = end_jog(jogging)
+    assert refusal(over, Step.RUN) is Refusal.NEEDS_GO_TO_START
+    assert refusal(over, Step.RECOGNISE) is Refusal.NEEDS_ZERO
