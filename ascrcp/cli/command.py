@@ -26,6 +26,7 @@ from ascrcp.cli.workspace import workspace
 from ascrcp.core.errors import AscrcpError, InputError
 from ascrcp.core.geometry import Array
 from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.planning.parameter import change
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.session import stages
 from ascrcp.session.job import scan_heading
@@ -133,11 +134,30 @@ def recognise(options: Options, output: Output) -> int:
 
 
 def plan(options: Options, output: Output) -> int:
-    """Recognised round -> path.csv."""
-    path = stages.plan(options.round, load_planning(), progress=output.bar("plan"))
-    place = Round(options.round).path
-    output.result({"ok": True, "path": str(place), "points": len(path)}, f"{len(path)} points -> {place}")
+    """Recognised round -> path.csv, and what it is predicted to come to."""
+    config = load_planning()
+    if options.planner is not None:
+        config = change(config, planner=options.planner)
+    path = stages.plan(options.round, config, options.after, progress=output.bar("plan"))
+    round_ = Round(options.round)
+    tree: dict[str, Any] = {"ok": True, "path": str(round_.path), "points": len(path)}
+    lines = [f"{len(path)} points -> {round_.path}"]
+    if round_.prediction.exists():
+        tree["prediction"] = read_json(round_.prediction)["planned"]
+        lines += describe_prediction(tree["prediction"])
+    output.result(tree, "\n".join(lines))
     return OK
+
+
+def describe_prediction(found: dict[str, Any]) -> list[str]:
+    """Say what a plan will come to, and what it leaves out."""
+    return [
+        f"predicted: {100 * found['within_tolerance']:.1f} % of {found['area_m2']:.1f} m2 within tolerance, "
+        f"deviation {found['finish_std_mm']:.1f} mm, at most {found['thinnest_mm']:.0f} mm too thin",
+        f"concrete: {found['pumped_m3']:.2f} m3 pumped for {found['wanted_m3']:.2f} m3, rebound "
+        f"{100 * found['rebound']:.0f} %, {found['duration_s'] / 60:.0f} min",
+        *(f"left out: {area:.1f} m2, {reason}" for reason, area in found["left_out_m2"].items()),
+    ]
 
 
 def solve(options: Options, output: Output) -> int:
@@ -148,8 +168,9 @@ def solve(options: Options, output: Output) -> int:
     unsolved = [
         {"point": i + 1, "reason": reason} for i, reason in enumerate(found.reasons) if reason is not None
     ]
-    place = Round(options.round).joints
-    tree = {
+    round_ = Round(options.round)
+    place = round_.joints
+    tree: dict[str, Any] = {
         "ok": True,
         "joints": str(place),
         "solved": int(found.solved.sum()),
@@ -163,6 +184,9 @@ def solve(options: Options, output: Output) -> int:
     lines.append(
         f"{tree['solved']} of {len(found.solved)} points solved, {found.duration_s:.0f} s -> {place}"
     )
+    if round_.prediction.exists():
+        tree["prediction"] = read_json(round_.prediction)["driven"]
+        lines += describe_prediction(tree["prediction"])
     output.result(tree, "\n".join(lines))
     return OK
 

@@ -7,7 +7,7 @@ from ascrcp import __version__
 
 Options = argparse.Namespace
 
-BENCHES = ("kinematics", "headings", "perception", "proof", "sister")
+BENCHES = ("kinematics", "headings", "perception", "planning", "proof", "sister", "control", "rigs")
 
 
 def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
@@ -129,6 +129,8 @@ def build_parser() -> argparse.ArgumentParser:
             stage.add_argument(
                 "--out", type=Path, required=True, metavar="YAML", help="the new control parameters"
             )
+        if name == "plan":
+            _plan(stage)
         if name in _OWN:
             _OWN[name](stage)
         if name == "section":
@@ -190,6 +192,22 @@ def _duct(stage: argparse.ArgumentParser) -> None:
     )
     stage.add_argument("--stand-off", type=_metres, default=None, metavar="M", help="gun to wall [m]")
     stage.add_argument("--out", type=Path, required=True, metavar="DIR", help="where joints and pictures go")
+
+
+def _plan(stage: argparse.ArgumentParser) -> None:
+    stage.add_argument(
+        "--planner",
+        default=None,
+        choices=("coverage", "thesis"),
+        help="coverage doses the concrete to the wanted surface; thesis: constant speed and flow",
+    )
+    stage.add_argument(
+        "--after",
+        type=Path,
+        default=None,
+        metavar="SCAN",
+        help="second scan, a recognised round or a cloud in the base frame: plan only what is still too thin",
+    )
 
 
 def _muck(stage: argparse.ArgumentParser) -> None:
