@@ -180,7 +180,7 @@ def find_starts(scene: Scene, T: Array, rng: np.random.Generator) -> Iterator[Ar
         found.append((max(p.margin - clearance, 0.0), cost.value(q), q))
     if not found:
         raise UnreachableError(
-            f"{scene.duct.name}: no posture of machine {arm.name} within its ranges reaches the ring's first pose"
+            f"{scene.duct.name}: no posture of machine {arm.name} within its ranges reaches the first pose"
         )
     yield from (row[2] for row in sorted(found, key=lambda row: row[:2]))
 

@@ -3,12 +3,13 @@
 import msgspec
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from ascrcp.core.errors import InputError, UnreachableError
 from ascrcp.core.geometry import transform
 from ascrcp.kinematics import load_arm
-from ascrcp.kinematics.duct_bend import make_bend
+from ascrcp.kinematics.duct_bend import Bend, make_bend
 from ascrcp.kinematics.duct_body import SphereBody
 from ascrcp.kinematics.gradient_projection import LimitCost, approach, damped_inverse, pose_error, self_motion
 from ascrcp.kinematics.ring import RingPlan, Scene, plan_plain, plan_ring
@@ -174,6 +175,20 @@ def test_the_closed_ring_closes_and_is_gentle(
     assert peak[0] < 0.13 and peak[1:].max() < 0.48  # what the errata reach
     seam = np.vstack([closed.q[-2:] - (closed.q[-1] - closed.q[0]), closed.q[1:2]])
     assert np.abs(find_acceleration(seam, PARAMETERS.dt)).max() < 0.48
+
+
+def test_a_cloud_of_the_wall_agrees_that_nothing_touches(scene: Scene, closed: RingPlan):
+    """The judge here is another one: true distances to half a million points of the wall."""
+    bend = PARAMETERS.bend
+    fine = Bend(
+        width=bend.width, height=bend.height, aside=bend.aside, bend=bend.bend, span=bend.span,
+        contours=700, points=700,
+    )  # fmt: skip
+    wall = cKDTree(make_bend("fine", fine).contour.reshape(-1, 3))
+    inside = scene.body.place(ARM, closed.q)
+    inside = np.where(inside[..., 2:] > bend.span[0], inside, np.nan)
+    distance = wall.query(np.nan_to_num(inside, nan=1e6))[0] - scene.body.radius
+    assert 0.004 < distance.min() < 0.012
 
 
 def test_sweeps_lower_the_paper_s_function_and_keep_poses_and_clearances(
