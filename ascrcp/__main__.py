@@ -36,7 +36,14 @@ def _run(options: parser.Options, output: Output) -> int:
         return application.run(session, offscreen=False, pictures=options.pictures, auto=False)
     pictures = options.pictures or session.round.pictures
     with output.progress(session) as tell:
-        code = application.run(session, offscreen=True, pictures=pictures, auto=True, tell=tell)
+        code = application.run(
+            session,
+            offscreen=True,
+            pictures=pictures,
+            auto=True,
+            tell=tell,
+            gallery=options.pictures is not None,
+        )
     return command.finish_job(session, output, code)
 
 

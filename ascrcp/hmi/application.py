@@ -13,6 +13,7 @@ from PySide6.QtWidgets import QApplication
 
 from ascrcp.hmi.autopilot import Autopilot
 from ascrcp.hmi.contract import Session
+from ascrcp.hmi.gallery import Gallery
 from ascrcp.hmi.text import Language
 from ascrcp.hmi.theme import Screen, apply_theme, load_screen
 from ascrcp.hmi.window import Window
@@ -56,6 +57,7 @@ def run(
     auto: bool,
     tell: Callable[[str], None] = tell_stderr,
     screen: Screen | None = None,
+    gallery: bool = False,
 ) -> int:
     """Show the window until it is closed; the session is closed with it.
 
@@ -66,6 +68,7 @@ def run(
         auto: Let the autopilot press through the whole automatic job, then close.
         tell: Takes lines of progress: each step begun, failures, the outcome.
         screen: Configuration; None reads config/screen.yaml.
+        gallery: Take the pictures of every page in both languages and themes.
 
     Returns:
         0, or 1 if the autopilot's job or the screen itself failed.
@@ -86,7 +89,8 @@ def run(
 
     window.closed.connect(application.quit)
     if auto:
-        Autopilot(window, screen, tell, pictures).finished.connect(end)
+        camera = None if pictures is None else Gallery(window, session, pictures, is_whole=gallery)
+        Autopilot(window, screen, tell, camera).finished.connect(end)
     if offscreen or auto:
         window.resize(screen.size.width, screen.size.height)
         window.show()

@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from enum import Enum
-from pathlib import Path
 
 from PySide6.QtCore import QObject, Signal
 
+from ascrcp.core.errors import DeviceError
 from ascrcp.core.event import EVENTS
+from ascrcp.hmi.gallery import Gallery
 from ascrcp.hmi.text import STEP_NAME, Language
 from ascrcp.hmi.theme import Screen
 from ascrcp.hmi.window import Window
@@ -36,11 +37,11 @@ class Autopilot(QObject):
     finished = Signal(bool)
 
     def __init__(
-        self, window: Window, screen: Screen, tell: Callable[[str], None], pictures: Path | None
+        self, window: Window, screen: Screen, tell: Callable[[str], None], gallery: Gallery | None
     ) -> None:
-        """Args: tell: takes one line of progress; pictures: folder for PNG files, None for none."""
+        """Args: tell: takes one line of progress; gallery: takes pictures, None for none."""
         super().__init__(window)
-        self._window, self._tell, self._pictures = window, tell, pictures
+        self._window, self._tell, self._gallery = window, tell, gallery
         self._patience = math.ceil(1000 * screen.autopilot.patience_s / screen.refresh_ms)
         self._reset_every = math.ceil(1000 * screen.autopilot.reset_every_s / screen.refresh_ms)
         self._wait = Wait.RESET
@@ -112,17 +113,30 @@ class Autopilot(QObject):
         if self.step in job.done:
             self._take_picture(f"{self._index + 1:02d}_{self.step.value}")
             if self._index + 1 == len(STEPS):
-                self._end(True, "job finished")
+                self._finish()
             else:
                 self._index += 1
                 self._wait = Wait.START
         elif self._was_active or job.stopped or self._last_failure:
             self._end(False, self._explain(snapshot))
 
+    def _finish(self) -> None:
+        self._wait = Wait.OVER
+        try:
+            if self._gallery is not None:
+                self._gallery.photograph_extra()
+        except DeviceError as error:
+            self._wait = Wait.STEP
+            self._end(False, str(error))
+            return
+        self._tell("job finished")
+        self.finished.emit(True)
+
     def _photograph_middle(self, snapshot: Snapshot) -> None:
         if self.step is Step.RUN and snapshot.progress >= MIDDLE and not self._has_middle:
             self._has_middle = True
-            self._take_picture("05_run_middle")
+            if snapshot.lockstep:  # a picture keeps the interpreter for longer than a cycle
+                self._take_picture("05_run_middle")
 
     def _explain(self, snapshot: Snapshot) -> str:
         if self._last_failure:
@@ -133,11 +147,13 @@ class Autopilot(QObject):
         )
 
     def _take_picture(self, name: str) -> None:
-        if self._pictures is None:
+        if self._gallery is None:
             return
-        path = self._pictures / f"{name}.png"
-        if not self._window.grab().save(str(path)):
-            self._end(False, f"{path}: the picture cannot be written")
+        try:
+            self._gallery.photograph(name)
+        except DeviceError as error:
+            self._gallery = None
+            self._end(False, str(error))
 
     def _end(self, is_ok: bool, reason: str) -> None:
         if self._wait is Wait.OVER:

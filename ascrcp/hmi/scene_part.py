@@ -13,9 +13,9 @@ from ascrcp.session.snapshot import Scene
 
 SPRAY_LENGTH = 1.0
 """Length of the line drawn out of the nozzle [m]: the thesis's stand-off."""
-ARROW_EVERY = 12
+ARROW_EVERY = 20
 """Planned points from one arrow to the next."""
-ARROW_PX, ARROW_DEG = 9.0, 28.0
+ARROW_PX, ARROW_DEG = 7.0, 28.0
 """Length of an arrow's wings and their angle off the line."""
 
 

@@ -142,6 +142,11 @@ class SetupPage(Page):
         for name, button in self.buttons.items():
             button.setChecked(name == key)
 
+    def open(self) -> None:
+        """Show the parts: the PIN was right."""
+        self._is_open, self._wrong, self._idle = True, 0, 0
+        self.outer.setCurrentIndex(1)
+
     def lock(self) -> None:
         """Ask for the PIN again."""
         self.leave()
@@ -159,8 +164,7 @@ class SetupPage(Page):
         if self._wait > 0:
             return
         if hmac.compare_digest(hashlib.sha256(pin.encode()).hexdigest(), self._screen.pin_sha256):
-            self._is_open, self._wrong, self._idle = True, 0, 0
-            self.outer.setCurrentIndex(1)
+            self.open()
         else:
             self._wrong += 1
             if self._wrong % TRIES == 0:

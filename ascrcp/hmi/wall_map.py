@@ -261,6 +261,8 @@ class WallMap(QWidget):
         wide = painter.fontMetrics().horizontalAdvance(text) + 10
         label = QRectF(0, 0, wide, FONT_PX + 8)
         label.moveCenter(box.center())
+        has_room = box.top() - label.height() > self._area().top()
+        label.moveBottom(box.top() - 2 if has_room else box.bottom() + label.height() + 2)
         label.moveLeft(min(max(label.left(), self._area().left()), self._area().right() - wide))
         painter.fillRect(label, QColor(self._screen.look.colours.panel))
         painter.setPen(QColor(self._screen.look.colours.text))

@@ -103,6 +103,10 @@ class Window(QWidget):
             self._take(ready)
         self.refreshed.emit(snapshot)
 
+    def draw_now(self) -> None:
+        """Draw the newest snapshot without telling anybody: for pictures."""
+        self._draw(self._session.snapshot())
+
     def settle(self) -> None:
         """Draw now what else comes in slices: for pictures and tests."""
         scene = self._session.scene()

@@ -156,6 +156,7 @@ class Rehearsal:
             lateness=Lateness(0.1, 1.2, 2.7, 0),
             realtime_factor=20.4,
             screen_stick=True,
+            lockstep=True,
             round_dir="rounds/2026-11-02_round_0042",
             alarms=self.history.alarms,
             inputs=MachineInputs(
