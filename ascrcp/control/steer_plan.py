@@ -26,6 +26,12 @@ CONVERGED_M = 1e-3
 """A node whose joints miss its pose by more is left out [m], and [rad]."""
 
 
+SAME_M = 0.06
+"""Passes this near in station are layers of one, or its parts either side of the seam [m]."""
+
+SEAM_RAD = 0.02
+"""By so much the two parts may overlap [rad]."""
+
 BETWEEN = (0.25, 0.5, 0.75)
 """Where between two rows the way across is tried."""
 
@@ -124,22 +130,25 @@ def _arc_radius(path: SprayPath, index: NDArray[np.int64]) -> Array:
 def _find_rows(path: SprayPath, index: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     """Group planned points into rows: one pass, or its two parts either side of the seam.
 
-    Overbreak passes come after those of the bays; within each the stations rise.
+    Where several layers are planned one over the other, the longest pass stands for all. Overbreak
+    passes come after those of the bays; within each the stations rise.
     """
     passes = []
     for number in np.unique(path.pass_index[index]):
         members = np.flatnonzero(path.pass_index == number)
         passes.append((bool(path.overbreak[members[0]]), float(path.station[members].mean()), members))
-    passes.sort(key=lambda row: (row[0], row[1]))
     rows: list[tuple[bool, float, NDArray[np.int64]]] = []
-    for is_pocket, station, members in passes:
-        if rows and not is_pocket and not rows[-1][0] and abs(rows[-1][1] - station) < 0.1:
-            before = rows[-1][2]
-            a, b = path.angle[before], path.angle[members]
-            if a.max() < b.min() or b.max() < a.min():
-                rows[-1] = (is_pocket, rows[-1][1], np.concatenate([before, members]))
-                continue
-        rows.append((is_pocket, station, members))
+    for is_pocket, station, members in sorted(passes, key=lambda row: -len(row[2])):
+        beside = [k for k, row in enumerate(rows) if row[0] == is_pocket and abs(row[1] - station) < SAME_M]
+        if not beside:
+            rows.append((is_pocket, station, members))
+            continue
+        taken = np.concatenate([path.angle[rows[k][2]] for k in beside])
+        inside = path.angle[members]
+        if taken.max() < inside.min() + SEAM_RAD or inside.max() - SEAM_RAD < taken.min():
+            k = beside[0]
+            rows[k] = (is_pocket, rows[k][1], np.concatenate([rows[k][2], members]))
+    rows.sort(key=lambda row: (row[0], row[1]))
     return [members for _, _, members in rows]
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from ascrcp.core.geometry import angle_between
+from ascrcp.safety.gate import GateState
 from ascrcp.session.cycle import CycleOutput
 from ascrcp.session.snapshot import Snapshot
 from ascrcp.session.state import Step
@@ -36,6 +37,11 @@ def add_machine(general: Snapshot, output: CycleOutput) -> Snapshot:
         spraying=verdict.command.pump > 0.0,
         oil_temp_c=inputs.oil_temp_c,
         inputs=inputs,
+        stick=output.stick,
+        steer=output.steer,
+        armed=verdict.state is GateState.ARMED,
+        active_causes=verdict.active,
+        pump=verdict.command.pump,
     )
     if output.tip is None:
         return shown
