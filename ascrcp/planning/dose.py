@@ -112,10 +112,11 @@ def find_exposed(stretches: Stretches, lines: Lines, target: Target) -> NDArray[
     """Find the cells the last layer can bring to the target, shape (ns, na)."""
     last = (lines.layer[stretches.first] == 1).astype(float)
     exposure = (stretches.growth @ last).reshape(target.offset.shape)
-    lit = exposure[target.inside & (exposure > 0.0)]
+    part = ~np.isin(target.left, (Left.OUTSIDE, Left.UNSEEN, Left.BEFORE))
+    lit = exposure[part & (exposure > 0.0)]
     if not len(lit):
         return np.zeros(exposure.shape, dtype=bool)
-    return np.asarray(target.inside & (exposure >= EXPOSED * np.median(lit)))
+    return np.asarray(part & (exposure >= EXPOSED * np.median(lit)))
 
 
 def solve_dose(

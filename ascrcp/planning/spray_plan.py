@@ -20,7 +20,6 @@ from ascrcp.planning.dose import (
     find_stretches,
     solve_dose,
 )
-from ascrcp.planning.layer import count_layers
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.target import Left, Target, find_target, mean_finish
@@ -37,12 +36,14 @@ class Layout:
     Attributes:
         lines: The points in the tunnel frame, with their layers.
         target: Present and wanted surface; its `left` says what cannot be covered, and why.
+        layers: Layers of each cell, shape (ns, na).
         exposed: Cells the lines can bring to the target, shape (ns, na).
         again: Whether it is a second spraying, over what the first left too thin.
     """
 
     lines: Lines
     target: Target
+    layers: NDArray[np.int64]
     exposed: NDArray[np.bool_]
     again: bool
 
@@ -118,14 +119,15 @@ def plan_spray(
         target = renew(target, after, surface.unsprayed, process.target.corner_m)
         where = find_thin(target, process)
     tell(0.1)
-    lines = Coverage(surface, target, wall, parameters, process, where).lines(lambda x: tell(0.1 + 0.3 * x))
+    coverage = Coverage(surface, target, wall, parameters, process, where)
+    lines, layers = coverage.lines(lambda x: tell(0.1 + 0.3 * x)), coverage.layers
     everywhere = np.ones(len(lines.along), dtype=bool)
     stretches = find_stretches(
         lines,
         lines.jet,
         everywhere,
         target,
-        count_layers(target, process),
+        layers,
         process,
         lambda x: tell(0.4 + 0.4 * x),
     )
@@ -133,7 +135,7 @@ def plan_spray(
     low = _is_low(surface, target, parameters)
     target = replace(target, left=explain(target, exposed, exposed, low))
     tell(0.8)
-    plan = _dosed(surface, Layout(lines, target, exposed, after is not None), stretches, process)
+    plan = _dosed(surface, Layout(lines, target, layers, exposed, after is not None), stretches, process)
     tell(1.0)
     return plan
 
@@ -156,8 +158,7 @@ def replan(
     """
     T = inverse_transform(surface.axis.T_base_tunnel)
     jet = Jet(apply_transform(T, driven.position), driven.direction @ T[:3, :3].T)
-    layers = count_layers(layout.target, process)
-    stretches = find_stretches(layout.lines, jet, reached, layout.target, layers, process)
+    stretches = find_stretches(layout.lines, jet, reached, layout.target, layout.layers, process)
     exposed = find_exposed(stretches, layout.lines, layout.target) & layout.exposed
     left = layout.target.left.copy()
     left[layout.exposed & ~exposed] = Left.ARM

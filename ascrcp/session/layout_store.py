@@ -16,7 +16,7 @@ from ascrcp.session.store import read_archive, write_archive
 
 _LINES = ("nozzle", "wall", "line_along", "theta2", "theta3", "bay", "pass_index", "layer", "overbreak")
 _TARGET = ("station", "along", "rock", "offset", "wanted", "arch", "left", "area")
-_GRIDS = ("exposed", "growth", "finish")
+_GRIDS = ("layers", "exposed", "growth", "finish")
 
 
 def write_layout(file: Path, plan: SprayPlan, finish: Array) -> None:
@@ -30,7 +30,7 @@ def write_layout(file: Path, plan: SprayPlan, finish: Array) -> None:
     lines, target = plan.lines, plan.target
     arrays: dict[str, Any] = {name: getattr(lines, name.removeprefix("line_")) for name in _LINES}
     arrays |= {name: getattr(target, name) for name in _TARGET}
-    arrays |= {"exposed": plan.exposed, "growth": plan.growth, "finish": finish}
+    arrays |= {"layers": plan.layout.layers, "exposed": plan.exposed, "growth": plan.growth, "finish": finish}
     write_archive(file, "plan", {"again": plan.layout.again}, arrays)
 
 
@@ -51,7 +51,8 @@ def read_layout(file: Path, surface: Surface) -> tuple[Layout, Array, Array]:
     target = Target(
         profile=surface.profile, arches=find_lids(surface, a["along"]), **{name: a[name] for name in _TARGET}
     )
-    return Layout(lines, target, a["exposed"], bool(meta["again"])), a["growth"], a["finish"]
+    layout = Layout(lines, target, a["layers"], a["exposed"], bool(meta["again"]))
+    return layout, a["growth"], a["finish"]
 
 
 def layout_of(round_: Round, path: SprayPath, surface: Surface | None) -> Layout | None:

@@ -1,0 +1,204 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from planning_heading import heading
+
+from ascrcp.core.errors import ConfigError, InputError
+from ascrcp.core.flow import JointSequence, Surface
+from ascrcp.planning.layer import limit_layer
+from ascrcp.planning.parameter import change, load_parameters
+from ascrcp.planning.prediction import predict
+from ascrcp.planning.pump import fill_flow, laid_amount
+from ascrcp.planning.rescan import find_after
+from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
+from ascrcp.planning.target import LEFT_TEXT, Left
+from ascrcp.planning.wall import find_floor
+
+PARAMETERS = load_parameters()
+PROCESS = PARAMETERS.process
+SURFACE = heading(pockets=((10.7, 63.0, 0.4, 0.35), (12.8, 120.0, 0.35, 0.3)), floor_z=-1.9)
+
+
+def make(surface: Surface = SURFACE, **more: object) -> SprayPlan:
+    return plan_spray(surface, PARAMETERS.path, PROCESS, **more)  # type: ignore[arg-type]
+
+
+PLAN = make()
+
+
+def test_the_prediction_meets_the_target() -> None:
+    found = predict(PLAN, PROCESS)
+    assert found.within > 0.97 and found.deviation < 0.010 and found.thickest < 0.03
+    assert found.area > 35.0
+    # what is pumped is what is wanted, what lands beside it, and what rebounds
+    assert found.laid == pytest.approx(found.wanted, rel=0.15)
+    assert 0.2 < found.rebound < 0.45
+
+
+def test_a_constant_dose_is_far_worse() -> None:
+    dose = PLAN.dose
+    even = np.full(len(dose.amount), dose.volume / dose.stretches.length.sum())
+    flat = PLAN.target.offset - PLAN.grown(even) - PLAN.target.wanted
+    ours = PLAN.target.offset - PLAN.growth - PLAN.target.wanted
+    assert flat[PLAN.exposed].std() > 2.0 * ours[PLAN.exposed].std()
+
+
+def test_deep_places_come_first_in_layers_then_bay_by_bay() -> None:
+    lines = PLAN.lines
+    assert lines.overbreak[0] and not lines.overbreak[-1]
+    assert (np.diff(lines.overbreak.astype(int)) <= 0).all()
+    assert lines.layer.max() >= 3 and set(lines.layer[~lines.overbreak]) == {1}
+    assert (np.diff(lines.bay[~lines.overbreak]) >= 0).all()
+    deep = lines.overbreak & (np.abs(lines.wall[:, 0] - 10.7) < 0.5)
+    assert (np.diff(lines.layer[deep]) <= 0).all()
+
+
+def test_no_layer_is_thicker_than_stays_up() -> None:
+    found = predict(PLAN, PROCESS)
+    assert found.layer <= 1.15 * limit_layer(PLAN.target, PROCESS.layer).max()
+
+
+def test_nozzles_keep_stand_off_side_of_the_seam_and_floor() -> None:
+    lines, p = PLAN.lines, PARAMETERS.path
+    away = np.linalg.norm(lines.nozzle - lines.wall, axis=1)
+    once = lines.layer == 1
+    np.testing.assert_allclose(away[once], p.stand_off_m, atol=0.02)
+    assert away[~once].min() > PROCESS.dose.near_stand_off_m - 1e-9
+    assert lines.nozzle[:, 2].min() >= find_floor(SURFACE) + p.floor_clearance_m - 1e-9
+    for number in np.unique(lines.pass_index):
+        theta3 = lines.theta3[lines.pass_index == number]
+        assert (theta3 >= -1e-9).all() or (theta3 <= 1e-9).all()
+
+
+def test_arches_are_sprayed_from_both_sides_and_covered() -> None:
+    lines, target = PLAN.lines, PLAN.target
+    tilt = np.round(np.degrees(lines.theta2))
+    for arch in (11.2, 12.18):
+        for side, wanted in ((-1, 75), (1, 105)):
+            near = (np.abs(lines.wall[:, 0] - arch - 0.22 * side) < 0.03) & (lines.layer == 1)
+            assert near.any() and (tilt[near] == wanted).all()
+    lack = (target.offset - PLAN.growth - target.wanted)[target.arch & PLAN.exposed]
+    assert abs(lack.mean()) < 0.01
+    # before the face the nozzle stays back
+    assert (tilt[lines.wall[:, 0] > 13.0] == PROCESS.dose.face_tilt_deg).all()
+
+
+def test_speed_and_flow_lay_the_dose_within_what_pump_and_nozzle_can() -> None:
+    first, amount = PLAN.dose.stretches.first, PLAN.dose.amount
+    speed, flow = PLAN.path.speed[first], PLAN.path.flow[first]
+    slow, fast = PROCESS.dose.speed_m_s
+    assert (speed >= slow - 1e-12).all() and (speed <= fast + 1e-12).all()
+    np.testing.assert_allclose(flow * PROCESS.spray.pump_m3_s / speed, amount, rtol=1e-9, atol=1e-12)
+    ends = np.setdiff1d(np.arange(len(PLAN.path)), first)
+    assert (PLAN.path.flow[ends] == 0.0).all()
+    full = flow[(flow > 0.0) & (speed < fast - 1e-9) & (speed > slow + 1e-9)]
+    assert np.isclose(full[:, None], PROCESS.spray.pump_steps, atol=1e-9).any(axis=1).all()
+
+
+def test_what_cannot_be_covered_is_named() -> None:
+    left = predict(PLAN, PROCESS).left
+    assert LEFT_TEXT[Left.FLOOR] in left and all(area > 0.0 for area in left.values())
+    holes = heading(holes=0.2)
+    offset = holes.offset.copy()
+    offset[:, 150:200] = np.nan
+    unseen = predict(make(dataclasses.replace(holes, offset=offset)), PROCESS).left
+    assert unseen[LEFT_TEXT[Left.UNSEEN]] > 1.0
+
+
+def test_points_the_arm_does_not_reach_are_left_out_and_their_neighbours_help() -> None:
+    reached = np.ones(len(PLAN.path), dtype=bool)
+    gone = (np.abs(PLAN.lines.wall[:, 0] - 11.7) < 0.3) & (np.abs(np.degrees(PLAN.path.angle) - 90) < 10)
+    reached[gone] = False
+    found = replan(PLAN.layout, SURFACE, PLAN.path, reached, PROCESS)
+    assert not np.isin(found.dose.stretches.first, np.flatnonzero(gone)).any()
+    assert predict(found, PROCESS).left[LEFT_TEXT[Left.ARM]] > 0.3
+    same = replan(PLAN.layout, SURFACE, PLAN.path, np.ones(len(PLAN.path), bool), PROCESS)
+    np.testing.assert_allclose(same.dose.amount, PLAN.dose.amount, atol=1e-6)
+
+
+def rows(plan: SprayPlan, slower: float = 1.0) -> JointSequence:
+    """The path at its own speeds, or so much slower everywhere, as rows 50 ms apart."""
+    path = plan.path
+    way = np.linalg.norm(np.diff(path.position, axis=0), axis=1)
+    t = np.concatenate([[0.0], np.cumsum(np.maximum(way, 0.02) / path.speed[:-1] * slower)])
+    fine = np.unique(np.concatenate([t, np.arange(0.0, t[-1], 0.05)]))
+    index = np.searchsorted(fine, t)
+    point = np.full(len(fine), -1)
+    point[index] = np.arange(len(t))
+    position = np.column_stack([np.interp(fine, t, x) for x in path.position.T])
+    direction = np.column_stack([np.interp(fine, t, x) for x in path.direction.T])
+    return JointSequence(
+        t=fine,
+        q=np.zeros((len(fine), 8)),
+        position=position,
+        direction=direction,
+        point=point,
+        spraying=np.arange(len(fine)) < len(fine) - 1,
+    )
+
+
+@pytest.mark.parametrize("slower", [1.0, 2.0])
+def test_the_pump_follows_a_slower_nozzle_so_that_the_dose_stays(slower: float) -> None:
+    sequence = fill_flow(rows(PLAN, slower), PLAN.path, PROCESS.spray)
+    stretches = PLAN.dose.stretches
+    laid = laid_amount(sequence, stretches.first, stretches.length, len(PLAN.path), PROCESS.spray)
+    held = PLAN.path.flow[stretches.first] / slower > PROCESS.spray.pump_least
+    error = (laid - PLAN.dose.amount)[held]
+    assert np.abs(error).mean() < 0.04 * PLAN.dose.amount.mean()
+    on = sequence.flow[sequence.flow > 0.0]
+    assert on.min() >= PROCESS.spray.pump_least - 1e-12
+    assert predict(PLAN, PROCESS, sequence).pumped == pytest.approx(PLAN.dose.volume, rel=0.02)
+
+
+def scan_of(plan: SprayPlan, layer: np.ndarray) -> np.ndarray:
+    """Points of the wall with a layer on it, base frame, four to a cell."""
+    target, T = plan.target, SURFACE.axis.T_base_tunnel
+    ds, da = target.cell
+    parts = []
+    for s, a in ((-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)):
+        S, A = np.meshgrid(target.station + s * ds, target.along + a * da, indexing="ij")
+        yz = target.profile.point(A, target.offset - layer)
+        parts.append(np.column_stack([S.ravel(), yz.reshape(-1, 2)]) @ T[:3, :3].T + T[:3, 3])
+    return np.concatenate(parts).astype(np.float32)
+
+
+def test_a_second_plan_sprays_the_thin_patch_only() -> None:
+    thin = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.3) & (np.abs(PLAN.target.along - 13.0) < 0.5)
+    layer = PLAN.target.offset - PLAN.target.wanted
+    after = find_after(scan_of(PLAN, layer - 0.05 * thin), SURFACE, PLAN.target)
+    lack = after - PLAN.target.wanted
+    assert np.nanmean(lack[thin]) == pytest.approx(0.05, abs=0.005)
+    assert np.nanmean(np.abs(lack[PLAN.exposed & ~thin])) < 0.005
+    again = make(after=after)
+    assert len(again.path) < 0.1 * len(PLAN.path)
+    assert np.abs(again.lines.wall[:, 0] - 11.7).max() < 0.5
+    grown = again.growth
+    middle = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.15) & (np.abs(PLAN.target.along - 13.0) < 0.35)
+    assert grown[middle].mean() == pytest.approx(0.05, abs=0.008)
+    far = (np.abs(PLAN.target.station[:, None] - 11.7) > 0.7) & np.ones(grown.shape, dtype=bool)
+    assert grown[far].max() < 0.005
+
+
+def test_nothing_thin_is_said_and_nothing_planned() -> None:
+    after = find_after(scan_of(PLAN, PLAN.target.offset - PLAN.target.wanted), SURFACE, PLAN.target)
+    with pytest.raises(InputError, match="nothing left to spray"):
+        make(after=after)
+
+
+def test_nonsense_is_refused() -> None:
+    for name, value in (("stand_off_m", 0.0), ("floor_clearance_m", float("nan"))):
+        with pytest.raises(ConfigError, match=name):
+            plan_spray(SURFACE, change(PARAMETERS.path, **{name: value}), PROCESS)
+    with pytest.raises(ConfigError, match="pump_m3_h"):
+        plan_spray(SURFACE, PARAMETERS.path, change(PROCESS, spray=change(PROCESS.spray, pump_m3_h=-1.0)))
+    with pytest.raises(InputError, match="no bay"):
+        make(dataclasses.replace(SURFACE, bays=()))
+    with pytest.raises(InputError, match="nothing was seen"):
+        make(dataclasses.replace(SURFACE, offset=np.full_like(SURFACE.offset, np.nan)))
+
+
+def test_same_surface_same_plan() -> None:
+    again = make()
+    assert again.path.position.tobytes() == PLAN.path.position.tobytes()
+    assert again.path.flow.tobytes() == PLAN.path.flow.tobytes()
