@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from ascrcp.cli.folder import check_folder, write_folder
 from ascrcp.cli.output import OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.ring_picture import draw_ring
 from ascrcp.cli.table import table
 from ascrcp.core.errors import InputError, UnreachableError
-from ascrcp.core.file import write_atomic
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics import load_arm
 from ascrcp.kinematics.arm import Arm
@@ -25,7 +25,6 @@ from ascrcp.kinematics.ring_parameter import load_ring_parameters
 from ascrcp.kinematics.ring_program import close_ring
 from ascrcp.kinematics.ring_target import Ring, make_ring
 from ascrcp.kinematics.ring_verdict import Verdict, judge_ring
-from ascrcp.session.store import write_json
 
 MACHINE = "duct"
 
@@ -73,8 +72,7 @@ def solve_ring(scene: Scene, ring: Ring, at: float, seed: int, near: Array | Non
 
 def duct(options: Options, output: Output) -> int:
     """Plan rings inside a duct; write joints.csv, contours.csv, ring pictures and duct.json."""
-    if options.out.exists() and not options.out.is_dir():
-        raise InputError(f"{options.out}: not a folder")
+    check_folder(options.out)
     parameters = load_ring_parameters()
     if options.contours is None:
         shape, places = make_bend("trial bend", parameters.bend), options.at
@@ -106,7 +104,7 @@ def duct(options: Options, output: Output) -> int:
     for number, result in enumerate(results, start=1):
         plans = [state for state in (result.before, result.after, result.closed) if state is not None]
         files[f"ring-{number}.png"] = draw_ring(scene, result.ring, plans)
-    _write(options.out, files, tree)
+    write_folder(options.out, files, "duct.json", tree)
     output.result(tree, "\n".join(_text(scene.arm, results, options.out)))
     return OK
 
@@ -187,14 +185,3 @@ def _encode(arm: Arm, results: Iterable[RingResult]) -> bytes:
             values = [*q, *plan.T[pose, :3, 3], np.degrees(verdict.tilt[pose]), 1e3 * verdict.clearance[row]]
             lines.append(f"{number},{result.at:.4f},{pose + 1}," + ",".join(f"{x:.6f}" for x in values))
     return ("\n".join(lines) + "\n").encode()
-
-
-def _write(folder: Path, files: dict[str, bytes], tree: dict[str, Any]) -> None:
-    """Write everything, now that nothing can fail but the disk."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot make the folder: {error.strerror or error}") from None
-    for name, data in files.items():
-        write_atomic(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
-    write_json(folder / "duct.json", tree)

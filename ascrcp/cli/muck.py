@@ -7,18 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from ascrcp.cli.folder import check_folder, write_folder
 from ascrcp.cli.muck_picture import draw_muck
 from ascrcp.cli.output import OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.table import table
-from ascrcp.core.errors import InputError
-from ascrcp.core.file import write_atomic
 from ascrcp.kinematics import load_arm
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.workspace import find_extremes
 from ascrcp.planning.muck import MuckParameters, count_scoops, cut_slices, find_volume, load_muck_parameters
 from ascrcp.planning.muck_path import Scoop, find_cover, plan_muck
-from ascrcp.session.store import write_json
 
 MACHINE = "muck"
 CLIMBS = 12
@@ -58,8 +56,7 @@ def solve_muck(arm: Arm, parameters: MuckParameters, seed: int, output: Output) 
 
 def muck(options: Options, output: Output) -> int:
     """Plan the scooping job; write joints.csv, muck.png and muck.json."""
-    if options.out.exists() and not options.out.is_dir():
-        raise InputError(f"{options.out}: not a folder")
+    check_folder(options.out)
     changed = {"muck_depth_m": options.depth, "muck_length_m": options.length}
     given = {name: value for name, value in changed.items() if value is not None}
     parameters = load_muck_parameters(**given)
@@ -67,7 +64,8 @@ def muck(options: Options, output: Output) -> int:
     job = solve_muck(arm, parameters, options.seed, output)
     tree = {"ok": True, "out": str(options.out), **job_tree(job, parameters)}
     picture = draw_muck(arm, parameters, job.scoops)
-    _write(options.out, {"joints.csv": _encode(arm, job.scoops), "muck.png": picture}, tree)
+    files = {"joints.csv": _encode(arm, job.scoops), "muck.png": picture}
+    write_folder(options.out, files, "muck.json", tree)
     output.result(tree, _text(job, parameters, options.out))
     return OK
 
@@ -137,14 +135,3 @@ def _encode(arm: Arm, scoops: Sequence[Scoop]) -> bytes:
                 lines.append(f"{t:.3f},{number},{leg.name}," + ",".join(f"{x:.5f}" for x in q))
             clock += float(leg.t[-1]) + (scoop.tip_s if leg.name == "carry" else 0.0)
     return ("\n".join(lines) + "\n").encode()
-
-
-def _write(folder: Path, files: dict[str, bytes], tree: dict[str, Any]) -> None:
-    """Write everything, now that nothing can fail but the disk."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot make the folder: {error.strerror or error}") from None
-    for name, data in files.items():
-        write_atomic(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
-    write_json(folder / "muck.json", tree)

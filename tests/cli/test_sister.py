@@ -4,15 +4,17 @@ import csv
 import json
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from ascrcp.__main__ import main
-from ascrcp.cli import bench_sister
+from ascrcp.cli import bench_sister, duct
 from ascrcp.cli.bench import Figure
 from ascrcp.kinematics import load_arm
 from ascrcp.kinematics.duct_bend import Bend, make_bend
 from ascrcp.kinematics.duct_file import encode_duct
+from ascrcp.kinematics.ring_parameter import load_ring_parameters
 from ascrcp.planning.muck import MuckParameters, load_muck_parameters
 
 WIDE = Bend(width=1.6, height=1.6, aside=(0.4, 0.1), bend=(3.5, 6.5), span=(3.3, 7.1), contours=21, points=36)
@@ -23,6 +25,16 @@ def contours(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("duct") / "wide.csv"
     path.write_bytes(encode_duct(make_bend("wide", WIDE)))
     return path
+
+
+@pytest.fixture(autouse=True)
+def fewer_rounds(monkeypatch: pytest.MonkeyPatch):
+    """What the rounds are for is shown with the ring itself; here a few do."""
+    full = load_ring_parameters()
+    program = msgspec.structs.replace(full.program, rounds=8)
+    quick = msgspec.structs.replace(full, starts=3, program=program)
+    for module in (duct, bench_sister):
+        monkeypatch.setattr(module, "load_ring_parameters", lambda: quick)
 
 
 def test_duct_plans_rings_from_contours(contours: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
