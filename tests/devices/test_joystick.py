@@ -1,8 +1,10 @@
 """Joysticks: BJM1 frames both ways, what contradicts itself, silence, the stick on the screen, USB."""
 
+import ctypes
 import importlib.util
 import math
 from itertools import count
+from pathlib import Path
 
 import can
 import pytest
@@ -154,3 +156,30 @@ def test_configuration_refuses_an_unknown_source(tmp_path) -> None:
     place.write_text(text.replace("source: screen", "source: telepathy"), encoding="utf-8")
     with pytest.raises(ConfigError, match="source"):
         load(place, JoystickConfig)
+
+
+def test_usb_stick_is_read_plugged_and_unplugged() -> None:
+    """With SDL's own virtual joystick, where pygame-ce is installed: axes, key, unplugging (F22)."""
+    pygame = pytest.importorskip("pygame")
+    libraries = list((Path(pygame.__file__).parent.parent / "pygame_ce.libs").glob("libSDL2-2*"))
+    if not libraries:
+        pytest.skip("this pygame-ce brings no SDL library of its own")
+    stick = UsbJoystick(CONFIGURED.usb, 100)
+    try:
+        assert stick.read(0).lost and not stick.is_present
+        sdl = ctypes.CDLL(str(libraries[0]))
+        sdl.SDL_JoystickOpen.restype = ctypes.c_void_p
+        index = sdl.SDL_JoystickAttachVirtual(1, 4, 4, 0)
+        assert not stick.read(20 * MS).lost
+        opened = ctypes.c_void_p(sdl.SDL_JoystickOpen(index))
+        sdl.SDL_JoystickSetVirtualAxis(opened, 0, ctypes.c_int16(-16384))
+        sdl.SDL_JoystickSetVirtualAxis(opened, 1, ctypes.c_int16(-32768))
+        sdl.SDL_JoystickSetVirtualButton(opened, CONFIGURED.usb.deadman, 1)
+        state = stick.read(40 * MS)
+        assert state.along == pytest.approx(0.5, abs=1e-3) and state.across == pytest.approx(1.0)
+        assert state.deadman and stick.is_present
+        sdl.SDL_JoystickDetachVirtual(index)
+        state = stick.read(60 * MS)
+        assert state.lost and state.along == 0.0 and not stick.is_present
+    finally:
+        stick.close()
