@@ -12,6 +12,8 @@ from ascrcp.core.paths import RESOURCES
 from ascrcp.planning.table import read_path
 from ascrcp.session import picture
 from ascrcp.session.evaluation import RULE_DEG, RULE_MM
+from ascrcp.session.layout_store import read_layout
+from ascrcp.session.plan_picture import spray_plan
 from ascrcp.session.round import Round
 from ascrcp.session.store import read_json, read_surface
 
@@ -39,7 +41,10 @@ def build_report(folder: Path, progress: Any = None) -> Path:
     pictures: dict[str, bytes] = {}
     if surface is not None:
         pictures["wall"] = picture.unrolled_wall(surface, path)
-        tell(0.3)
+        tell(0.2)
+        if path is not None and round_.plan.exists():
+            pictures["plan"] = spray_plan(*read_layout(round_.plan, surface))
+        tell(0.4)
         pictures["sections"] = picture.sections(surface)
         tell(0.6)
         pictures["cloud"] = picture.cloud_and_path(surface, path, trace)
@@ -54,6 +59,7 @@ def build_report(folder: Path, progress: Any = None) -> Path:
     )
     html = environment.get_template("report.html").render(
         manifest=round_.manifest(),
+        prediction=_prediction(round_),
         features=read_json(round_.features) if round_.features.exists() else None,
         result=read_json(round_.result) if round_.result.exists() else None,
         spray_points=len(path) if path is not None else None,
@@ -65,6 +71,15 @@ def build_report(folder: Path, progress: Any = None) -> Path:
     write_atomic(round_.report, lambda file: file.write(html.encode()))
     tell(1.0)
     return round_.report
+
+
+def _prediction(round_: Round) -> dict[str, Any] | None:
+    """What the plan will come to: as driven if it is solved, else as planned; None without one."""
+    if not round_.prediction.exists():
+        return None
+    tree = read_json(round_.prediction)
+    found: dict[str, Any] = tree.get("driven", tree["planned"])
+    return {**found, "again": tree["again"]}
 
 
 def _length(points: np.ndarray) -> float:
