@@ -53,7 +53,11 @@ def find_station(duct: Duct, z: float) -> float:
 
 
 def solve_ring(scene: Scene, ring: Ring, at: float, seed: int, near: Array | None = None) -> RingResult:
-    """Plan one ring: before and after collision feedback, and closed."""
+    """Plan one ring: before and after collision feedback, and closed.
+
+    Raises:
+        UnreachableError: It cannot be kept clear.
+    """
     start, after = plan_ring(scene, ring, np.random.default_rng(seed), near)
     try:
         plain = plan_plain(scene, ring, start)
@@ -61,13 +65,10 @@ def solve_ring(scene: Scene, ring: Ring, at: float, seed: int, near: Array | Non
     except UnreachableError:
         before = None
     closed = close_ring(scene, ring, after)
-    return RingResult(
-        at,
-        ring,
-        before,
-        (after, judge_ring(scene, ring, after)),
-        (closed, judge_ring(scene, ring, closed)),
-    )
+    verdict = judge_ring(scene, ring, closed)
+    if not verdict.between >= 0.0:
+        raise UnreachableError(f"the arm touches the wall between two poses ({1e3 * verdict.between:.0f} mm)")
+    return RingResult(at, ring, before, (after, judge_ring(scene, ring, after)), (closed, verdict))
 
 
 def duct(options: Options, output: Output) -> int:

@@ -30,6 +30,9 @@ HALVINGS = 8
 NEAR_END = 0.3
 """Distance to an end of a range within which it is a constraint [rad, m]: the trust region's largest size."""
 
+RIDGE = 1e-6
+"""Share of the mean curvature added, so that what costs nothing stays where it is."""
+
 
 def find_turn(arm: Arm, q: Array) -> Array:
     """Return by how many whole turns each joint is on after a ring (m, n) [rad], 0 for sliding ones, (n,)."""
@@ -55,9 +58,12 @@ def close_ring(scene: Scene, ring: Ring, plan: RingPlan) -> RingPlan:
     q, trust = plan.q[:-1], p.program.trust
     best, least = None, np.inf
     for _ in range(p.program.rounds):
-        problem = _Linear.at(scene, ring, q, turn, trust)
-        step = problem.step(problem.solve())
-        q, whole = _move(scene, ring, q, step)
+        try:
+            step = RingProgram.at(scene, ring, q, turn, trust).solve()
+        except UnreachableError:  # no step of this size; a smaller one asks for less
+            trust = 0.5 * trust
+            continue
+        q, whole = _move(scene, ring, q, turn, step)
         trust = min(1.5 * trust, NEAR_END) if whole else 0.5 * trust
         clearance = scene.body.measure(arm, q, scene.duct).clearance.min()
         cost = _cost(scene, ring, q, turn)
@@ -98,8 +104,14 @@ def _tilt_weight(scene: Scene) -> Array:
 
 
 @dataclass(frozen=True)
-class _Linear:
-    """The ring linearised: minimise |A z + b|^2 + small |z|^2 with G z >= h; z are 5 motions per pose."""
+class RingProgram:
+    """The ring linearised: minimise |A z + b|^2 + small |z|^2 with G z >= h.
+
+    Attributes:
+        N: Motions z of each pose as changes of its joints, shape (n, joints, 5).
+        A, b: Accelerations and tilts, each over what it may cost.
+        G, h: Clearances, ranges and the trust region.
+    """
 
     N: Array
     A: Array
@@ -108,7 +120,8 @@ class _Linear:
     h: Array
 
     @classmethod
-    def at(cls, scene: Scene, ring: Ring, q: Array, turn: Array, trust: float) -> "_Linear":
+    def at(cls, scene: Scene, ring: Ring, q: Array, turn: Array, trust: float) -> "RingProgram":
+        """Linearise at joints q (n, joints), `turn` on after the last, steps no larger than `trust`."""
         arm, p = scene.arm, scene.parameters
         n, joints = q.shape
         J = arm.jacobian(q)
@@ -125,11 +138,18 @@ class _Linear:
         A = np.concatenate([bend.reshape(-1, n * free), tilting.reshape(-1, n * free)])
         tilt = _tilt(ring, arm.forward(q)) * weight[:, 0]
         b = np.concatenate([(_bends(q, turn) * scale).ravel(), tilt.ravel()])
-        G, h = _constraints(scene, q, N, trust)
+        G, h = _constraints(scene, q, turn, N, trust)
         return cls(N, A, b, G, h)
 
     def solve(self) -> Array:
-        """Solve the program exactly as a least-distance problem (Lawson and Hanson 1974, chapter 23)."""
+        """Solve the program exactly as a least-distance problem (Lawson and Hanson 1974, chapter 23).
+
+        Returns:
+            The change of the joints, shape (n, joints).
+
+        Raises:
+            UnreachableError: The constraints contradict each other.
+        """
         H = self.A.T @ self.A
         H += RIDGE * np.trace(H) / len(H) * np.eye(len(H))
         L = cholesky(H, lower=True)
@@ -138,23 +158,26 @@ class _Linear:
         E = np.vstack([G.T, self.h + G @ u])
         target = np.zeros(len(E))
         target[-1] = 1.0
-        dual, _ = nnls(E, target, maxiter=30 * E.shape[1])
+        try:
+            dual, _ = nnls(E, target, maxiter=30 * E.shape[1])
+        except RuntimeError as error:  # out of iterations
+            raise UnreachableError(f"a ring's program is not solved: {error}") from None
         r = E @ dual - target
         if not abs(r[-1]) > 1e-12:
             raise UnreachableError("the constraints of a ring's program contradict each other")
-        y = -r[:-1] / r[-1]
-        return np.asarray(solve_triangular(L, y - u, lower=True, trans="T"))
-
-    def step(self, z: Array) -> Array:
-        """Return the change of the joints, shape (n, joints)."""
+        z = solve_triangular(L, -r[:-1] / r[-1] - u, lower=True, trans="T")
         return np.einsum("ijk,ik->ij", self.N, z.reshape(len(self.N), -1))
 
 
-RIDGE = 1e-6
-"""Share of the mean curvature added, so that what costs nothing stays where it is."""
+def _ranges(arm: Arm, q: Array, turn: Array) -> tuple[Array, Array]:
+    """Ranges of every row (n, joints); the first comes again a turn on, so its range is cut by that."""
+    lower, upper = (np.broadcast_to(end, q.shape).copy() for end in (arm.lower, arm.upper))
+    lower[0] -= np.minimum(turn, 0.0)
+    upper[0] -= np.maximum(turn, 0.0)
+    return lower, upper
 
 
-def _constraints(scene: Scene, q: Array, N: Array, trust: float) -> tuple[Array, Array]:
+def _constraints(scene: Scene, q: Array, turn: Array, N: Array, trust: float) -> tuple[Array, Array]:
     """Rows G z >= h: clearances, ranges where they are near, and the trust region."""
     arm, p = scene.arm, scene.parameters
     n, _, free = N.shape
@@ -168,7 +191,8 @@ def _constraints(scene: Scene, q: Array, N: Array, trust: float) -> tuple[Array,
     lack = p.margin + p.program.surplus - gap.clearance[pose, sphere]
     within = np.minimum(lack, 0.5 * trust * np.abs(gain).sum(axis=1))  # no more than one step can give
     ends, room = [], []
-    for sign, left in ((1.0, q - arm.lower), (-1.0, arm.upper - q)):
+    lower, upper = _ranges(arm, q, turn)
+    for sign, left in ((1.0, q - lower), (-1.0, upper - q)):
         i, joint = np.nonzero(left < NEAR_END)
         rows = np.zeros((len(i), n, free))
         rows[np.arange(len(i)), i] = sign * N[i, joint]
@@ -179,22 +203,24 @@ def _constraints(scene: Scene, q: Array, N: Array, trust: float) -> tuple[Array,
     return G, np.concatenate([within, *room, np.full(2 * size, -trust)])
 
 
-def _move(scene: Scene, ring: Ring, q: Array, step: Array) -> tuple[Array, bool]:
+def _move(scene: Scene, ring: Ring, q: Array, turn: Array, step: Array) -> tuple[Array, bool]:
     """Take as much of a step as keeps ranges and nearly the clearances; say whether it was all of it."""
     arm, p = scene.arm, scene.parameters
+    lower, upper = _ranges(arm, q, turn)
     for halving in range(HALVINGS):
         tried = _restore(arm, q + 0.5**halving * step, ring.T[:, :3, 3])
-        clearance = scene.body.measure(arm, tried, scene.duct).clearance.min()
-        if clearance >= p.margin - p.program.overstep and bool(arm.within_limits(tried).all()):
+        if tried is None or not ((tried >= lower) & (tried <= upper)).all():
+            continue
+        if scene.body.measure(arm, tried, scene.duct).clearance.min() >= p.margin - p.program.overstep:
             return tried, halving == 0
     return q, False
 
 
-def _restore(arm: Arm, q: Array, place: Array) -> Array:
-    """Bring the guns of joints (n, joints) back onto their places (n, 3) by least steps."""
+def _restore(arm: Arm, q: Array, place: Array) -> Array | None:
+    """Bring the guns back onto their places (n, 3) by least steps; None if they stay off."""
     for _ in range(CORRECTIONS):
         error = place - arm.forward(q)[:, :3, 3]
         if np.abs(error).max() <= PLACE_TOLERANCE:
             return q
         q = q + (np.linalg.pinv(arm.jacobian(q)[:, :3]) @ error[..., None])[..., 0]
-    raise UnreachableError("a step of a ring's program does not come back onto the gun's places")
+    return None

@@ -3,6 +3,7 @@
 import msgspec
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
@@ -14,7 +15,7 @@ from ascrcp.kinematics.duct_body import SphereBody
 from ascrcp.kinematics.gradient_projection import LimitCost, approach, damped_inverse, pose_error, self_motion
 from ascrcp.kinematics.ring import RingPlan, Scene, plan_plain, plan_ring
 from ascrcp.kinematics.ring_parameter import load_ring_parameters
-from ascrcp.kinematics.ring_program import close_ring
+from ascrcp.kinematics.ring_program import RingProgram, close_ring
 from ascrcp.kinematics.ring_sweep import find_acceleration, limit_acceleration
 from ascrcp.kinematics.ring_target import Ring, find_lever, make_ring, spread_round, tilt_ring
 from ascrcp.kinematics.ring_verdict import judge_ring
@@ -158,6 +159,27 @@ def test_feedback_clears_the_ring_and_tilts_little(
 
 def test_the_same_seed_gives_the_same_bits(scene: Scene, ring: Ring, clear: tuple[np.ndarray, RingPlan]):
     np.testing.assert_array_equal(plan_ring(scene, ring, np.random.default_rng(1))[1].q, clear[1].q)
+
+
+def test_a_program_is_solved_to_its_optimum_and_contradictions_are_said():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        A, b = rng.normal(size=(9, 5)), rng.normal(size=9)
+        G, inside = rng.normal(size=(8, 5)), rng.normal(size=5)
+        h = G @ inside - rng.uniform(0.0, 0.5, 8)
+        z = RingProgram(np.eye(5)[None], A, b, G, h).solve()[0]
+        assert (G @ z >= h - 1e-8).all()
+        peer = minimize(
+            lambda x, A=A, b=b: float(((A @ x + b) ** 2).sum()),
+            inside,
+            constraints={"type": "ineq", "fun": lambda x, G=G, h=h: G @ x - h},
+            method="SLSQP",
+            options={"ftol": 1e-14, "maxiter": 500},
+        )
+        assert ((A @ z + b) ** 2).sum() <= peer.fun * (1 + 1e-4) + 1e-9
+    both = np.array([[1.0, 0, 0, 0, 0], [-1.0, 0, 0, 0, 0]])
+    with pytest.raises(UnreachableError, match="contradict"):
+        RingProgram(np.eye(5)[None], A, b, both, np.ones(2)).solve()
 
 
 def test_the_closed_ring_closes_and_is_gentle(
