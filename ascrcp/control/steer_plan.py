@@ -98,22 +98,17 @@ def build_steer_plan(
     if not len(index) or int(index.max()) >= len(path):
         raise InputError(f"the joint sequence does not belong to this path of {len(path)} points")
     rows = _find_rows(path, index)
-    radius = float(np.median(_arc_radius(path, index)))
-    step = config.step_m / max(radius, 0.1)
+    step = config.step_m / max(float(np.median(_arc_radius(path, index))), 0.1)
     low, high = float(path.angle[index].min()), float(path.angle[index].max())
     angle = low + step * np.arange(int((high - low) / step) + 1, dtype=np.float64)
-    shape = (len(rows), len(angle))
-    q = np.full((*shape, arm.n), np.nan)
-    position, direction = np.full((*shape, 3), np.nan), np.full((*shape, 3), np.nan)
-    point = np.full(shape, -1, np.int64)
+    mesh = _Mesh(arm, config, payload_kg, len(rows), angle, [bool(path.overbreak[row[0]]) for row in rows])
     for r, members in enumerate(rows):
-        row = at[np.isin(index, members)]
-        _mesh_row(sequence, path, row, angle, arm, config, (q[r], position[r], direction[r], point[r]))
-    node = _settle(arm, q, position, direction, payload_kg, None)
-    _relax(arm, path, rows, q, position, direction, node, config, payload_kg)
-    node = _settle(arm, q, position, direction, payload_kg, clear)
-    cross = _bridge(arm, path, rows, q, position, direction, node, config, payload_kg, clear)
-    return SteerPlan(angle, q, position, direction, node, cross, point)
+        mesh.lay_row(r, sequence, path, at[np.isin(index, members)])
+    mesh.settle(None)
+    mesh.relax()
+    mesh.settle(clear)
+    cross = mesh.bridge(clear)
+    return SteerPlan(angle, mesh.q, mesh.position, mesh.direction, mesh.node, cross, mesh.point)
 
 
 def _arc_radius(path: SprayPath, index: NDArray[np.int64]) -> Array:
@@ -152,120 +147,95 @@ def _find_rows(path: SprayPath, index: NDArray[np.int64]) -> list[NDArray[np.int
     return [members for _, _, members in rows]
 
 
-def _mesh_row(
-    sequence: JointSequence,
-    path: SprayPath,
-    row: NDArray[np.int64],
-    angle: Array,
-    arm: Arm,
-    config: SteerConfig,
-    out: tuple[Array, Array, Array, NDArray[np.int64]],
-) -> None:
-    """Put poses and first joints onto one row's nodes, where both neighbours are solved on one branch."""
-    q, position, direction, point = out
-    order = row[np.argsort(path.angle[sequence.point[row]], kind="stable")]
-    members = sequence.point[order]
-    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
-    for a, b, i, j in zip(order[:-1], order[1:], members[:-1], members[1:], strict=True):
-        same = path.pass_index[i] == path.pass_index[j] and abs(int(i) - int(j)) == 1
-        if not same or not (np.abs(sequence.q[b] - sequence.q[a]) <= limit).all():
-            continue
-        begin, end = path.angle[i], path.angle[j]
-        at = np.flatnonzero((angle >= begin - 1e-9) & (angle <= end + 1e-9))
-        share = ((angle[at] - begin) / max(end - begin, 1e-9))[:, None]
-        q[at] = sequence.q[a] + share * (sequence.q[b] - sequence.q[a])
-        position[at] = sequence.position[a] + share * (sequence.position[b] - sequence.position[a])
-        d = sequence.direction[a] + share * (sequence.direction[b] - sequence.direction[a])
-        direction[at] = d / np.linalg.norm(d, axis=1, keepdims=True)
-        point[at] = np.where(share[:, 0] < 0.5, i, j)
+class _Mesh:
+    """The mesh while it is made; arrays as in SteerPlan."""
 
+    def __init__(
+        self, arm: Arm, config: SteerConfig, payload_kg: float, rows: int, angle: Array, pocket: list[bool]
+    ) -> None:
+        """Args: pocket: whether each row fills overbreak: no crossing between those and the bays'."""
+        self._arm, self._config, self._payload = arm, config, payload_kg
+        self._angle, self._pocket = angle, np.array(pocket)
+        self._branch = np.where(arm.prismatic, config.branch_m, config.branch_rad)
+        shape = (rows, len(angle))
+        self.q = np.full((*shape, arm.n), np.nan)
+        self.position, self.direction = np.full((*shape, 3), np.nan), np.full((*shape, 3), np.nan)
+        self.point = np.full(shape, -1, np.int64)
+        self.node: NDArray[np.bool_] = np.zeros(shape, np.bool_)
 
-def _settle(
-    arm: Arm, q: Array, position: Array, direction: Array, payload_kg: float, clear: Clear | None
-) -> NDArray[np.bool_]:
-    """Bring the nodes' joints onto their poses; tell which succeeded, in range and clear."""
-    node: NDArray[np.bool_] = np.asarray(np.isfinite(q).all(-1))
-    found, miss = find_joints(arm, q[node], position[node], direction[node], payload_kg)
-    good = (miss <= CONVERGED_M) & arm.within_limits(found)
-    if clear is not None and good.any():
-        good[good] = clear(found[good])
-    q[node] = found
-    node[node] = good
-    q[~node] = np.nan
-    return node
+    def lay_row(self, r: int, sequence: JointSequence, path: SprayPath, at: NDArray[np.int64]) -> None:
+        """Put poses and first joints onto a row's nodes, where both neighbours are solved on one branch."""
+        order = at[np.argsort(path.angle[sequence.point[at]], kind="stable")]
+        members = sequence.point[order]
+        for a, b, i, j in zip(order[:-1], order[1:], members[:-1], members[1:], strict=True):
+            same = path.pass_index[i] == path.pass_index[j] and abs(int(i) - int(j)) == 1
+            if not same or not (np.abs(sequence.q[b] - sequence.q[a]) <= self._branch).all():
+                continue
+            begin, end = path.angle[i], path.angle[j]
+            cut = np.flatnonzero((self._angle >= begin - 1e-9) & (self._angle <= end + 1e-9))
+            share = ((self._angle[cut] - begin) / max(end - begin, 1e-9))[:, None]
+            self.q[r, cut] = sequence.q[a] + share * (sequence.q[b] - sequence.q[a])
+            way = sequence.position[b] - sequence.position[a]
+            self.position[r, cut] = sequence.position[a] + share * way
+            turned = sequence.direction[a] + share * (sequence.direction[b] - sequence.direction[a])
+            self.direction[r, cut] = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+            self.point[r, cut] = np.where(share[:, 0] < 0.5, i, j)
+            self.node[r, cut] = True
 
+    def settle(self, clear: Clear | None) -> None:
+        """Bring the nodes' joints onto their poses; keep those that succeed, in range and clear."""
+        node = self.node
+        found, good = self._solve(self.q[node], self.position[node], self.direction[node], clear)
+        self.q[node] = found
+        node[node] = good
+        self.q[~node] = np.nan
 
-def _neighbours(
-    arm: Arm,
-    path: SprayPath,
-    rows: list[NDArray[np.int64]],
-    q: Array,
-    position: Array,
-    node: NDArray[np.bool_],
-    config: SteerConfig,
-) -> NDArray[np.bool_]:
-    """Tell which nodes of neighbouring rows lie near each other and on one branch, shape (r - 1, a)."""
-    near: NDArray[np.bool_] = np.asarray(node[:-1] & node[1:])
-    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
-    for r in range(len(rows) - 1):
-        if bool(path.overbreak[rows[r][0]]) != bool(path.overbreak[rows[r + 1][0]]):
-            near[r] = False
-    with np.errstate(invalid="ignore"):
-        np.logical_and(near, (np.abs(q[1:] - q[:-1]) <= limit).all(-1), out=near)
-        gap = np.linalg.norm(position[1:] - position[:-1], axis=-1)
-        np.logical_and(near, gap <= config.row_gap_m, out=near)
-    return near
+    def relax(self) -> None:
+        """Smooth the joints along and across the rows."""
+        node = self.node
+        number = np.full(node.shape, -1, np.int64)
+        number[node] = np.arange(int(node.sum()))
+        with np.errstate(invalid="ignore"):
+            same = (np.abs(self.q[:, 1:] - self.q[:, :-1]) <= self._branch).all(-1)
+        along, across = node[:, :-1] & node[:, 1:] & same, self._neighbours()
+        edges = np.concatenate(
+            [
+                np.stack([number[:, :-1][along], number[:, 1:][along]], 1),
+                np.stack([number[:-1][across], number[1:][across]], 1),
+            ]
+        )
+        self.q[node] = relax_joints(
+            self._arm, self.q[node], self.position[node], self.direction[node], edges, self._payload
+        )
 
+    def bridge(self, clear: Clear | None) -> NDArray[np.bool_]:
+        """Tell where the nozzle may cross between neighbouring rows: one branch, all the way reachable."""
+        cross = self._neighbours()
+        for share in BETWEEN:
+            a, b = 1.0 - share, share
+            q, position, direction = (
+                (a * values[:-1] + b * values[1:])[cross]
+                for values in (self.q, self.position, self.direction)
+            )
+            direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+            cross[cross] = self._solve(q, position, direction, clear)[1]
+        return cross
 
-def _relax(
-    arm: Arm,
-    path: SprayPath,
-    rows: list[NDArray[np.int64]],
-    q: Array,
-    position: Array,
-    direction: Array,
-    node: NDArray[np.bool_],
-    config: SteerConfig,
-    payload_kg: float,
-) -> None:
-    """Smooth the joints along and across the rows."""
-    number = np.full(node.shape, -1, np.int64)
-    number[node] = np.arange(int(node.sum()))
-    limit = np.where(arm.prismatic, config.branch_m, config.branch_rad)
-    with np.errstate(invalid="ignore"):
-        along = node[:, :-1] & node[:, 1:] & (np.abs(q[:, 1:] - q[:, :-1]) <= limit).all(-1)
-    across = _neighbours(arm, path, rows, q, position, node, config)
-    edges = np.concatenate(
-        [
-            np.stack([number[:, :-1][along], number[:, 1:][along]], 1),
-            np.stack([number[:-1][across], number[1:][across]], 1),
-        ]
-    )
-    q[node] = relax_joints(arm, q[node], position[node], direction[node], edges, payload_kg)
+    def _neighbours(self) -> NDArray[np.bool_]:
+        """Tell which nodes of neighbouring rows lie near each other and on one branch, shape (r - 1, a)."""
+        near: NDArray[np.bool_] = np.asarray(self.node[:-1] & self.node[1:])
+        near[self._pocket[:-1] != self._pocket[1:]] = False
+        with np.errstate(invalid="ignore"):
+            same = (np.abs(self.q[1:] - self.q[:-1]) <= self._branch).all(-1)
+            gap = np.linalg.norm(self.position[1:] - self.position[:-1], axis=-1)
+            return np.asarray(near & same & (gap <= self._config.row_gap_m))
 
-
-def _bridge(
-    arm: Arm,
-    path: SprayPath,
-    rows: list[NDArray[np.int64]],
-    q: Array,
-    position: Array,
-    direction: Array,
-    node: NDArray[np.bool_],
-    config: SteerConfig,
-    payload_kg: float,
-    clear: Clear | None,
-) -> NDArray[np.bool_]:
-    """Tell where the nozzle may cross between neighbouring rows: one branch, and its middle reachable."""
-    cross = _neighbours(arm, path, rows, q, position, node, config)
-    for share in BETWEEN:
-        a, b = 1.0 - share, share
-        there = (a * direction[:-1] + b * direction[1:])[cross]
-        there /= np.linalg.norm(there, axis=1, keepdims=True)
-        where = (a * position[:-1] + b * position[1:])[cross]
-        found, miss = find_joints(arm, (a * q[:-1] + b * q[1:])[cross], where, there, payload_kg)
-        good = (miss <= CONVERGED_M) & arm.within_limits(found)
+    def _solve(
+        self, q: Array, position: Array, direction: Array, clear: Clear | None
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Bring joints (n, joints) onto poses; tell which reach them, in range and clear."""
+        found, miss = find_joints(self._arm, q, position, direction, self._payload)
+        good: NDArray[np.bool_] = np.asarray((miss <= CONVERGED_M) & self._arm.within_limits(found))
         if clear is not None and good.any():
             good[good] = clear(found[good])
-        cross[cross] = good
-    return cross
+        return found, good

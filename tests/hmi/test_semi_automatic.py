@@ -171,10 +171,17 @@ class Operator:
         """Nothing is open."""
 
 
+@pytest.fixture(scope="module")
+def round_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One round for all jobs here: the first solves it, the others load it."""
+    return tmp_path_factory.mktemp("semi") / "round"
+
+
 @pytest.fixture
-def steered(tmp_path: Path) -> Iterator[tuple[Session, Operator]]:
+def steered(round_folder: Path) -> Iterator[tuple[Session, Operator]]:
     operator = Operator()
-    session = open_session(Options(rig=SMALL, seed=5, joystick=operator), tmp_path / "round", tmp_path)
+    options = Options(rig=SMALL, seed=5, joystick=operator)
+    session = open_session(options, round_folder, round_folder.parent)
     yield session, operator
     session.close()
 
@@ -194,7 +201,8 @@ def to_the_run(window: Window, session: Session, qtbot: QtBot) -> None:
     qtbot.waitUntil(is_reset, timeout=LONG_MS)
     click(qtbot, window.status.modes[Mode.SEMI_AUTOMATIC])
     click(qtbot, window.strip.buttons["semi"])
-    for step in STEPS[:4]:
+    is_solved = Step.RECOGNISE in session.snapshot().job.done
+    for step in STEPS[2:4] if is_solved else STEPS[:4]:
         button = window.steps.buttons[step]
         qtbot.waitUntil(button.isEnabled, timeout=LONG_MS)
         click(qtbot, button)
@@ -229,7 +237,7 @@ def test_whole_semi_automatic_job_by_clicks(
 
 
 def test_stop_while_the_stick_has_the_arm_zeroes_the_wire(
-    steered: tuple[Session, Operator], qtbot: QtBot, screen: Screen, tmp_path: Path
+    steered: tuple[Session, Operator], qtbot: QtBot, screen: Screen, round_folder: Path
 ) -> None:
     """In the very cycle of the stop order, so within 20 ms; latched after."""
     session, operator = steered
@@ -244,7 +252,7 @@ def test_stop_while_the_stick_has_the_arm_zeroes_the_wire(
     session.wait()
     window.close()
     stopped, frames = False, 0
-    with (tmp_path / "round" / "run.mcap").open("rb") as file:
+    with (round_folder / "run.mcap").open("rb") as file:
         for _, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False):
             if channel.topic == ORDER_TOPIC:
                 stopped = stopped or b"stop" in message.data
