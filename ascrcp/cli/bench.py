@@ -77,6 +77,13 @@ def bench(options: Options, output: Output) -> int:
         beside, held = measure_sister(options.seed, output.say)
         figures += beside
         proofs += held
+    if options.which in ("all", "control", "rigs"):
+        from ascrcp.cli.bench_control import measure_control, measure_many
+
+        proofs += (
+            measure_control(options.machine, options.seed, output.say) if options.which != "rigs" else []
+        )
+        proofs += measure_many(options.seed, output.say) if options.which != "control" else []
     failed = [figure.what for figure in proofs if figure.is_met is False]
     tree = {
         "ok": not failed,

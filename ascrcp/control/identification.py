@@ -90,7 +90,7 @@ def fit_delay(trials: Sequence[Trial], characteristic: Characteristic, lag_s: fl
     Only the strongest trials tell: at a weak drive most of the time goes by in the dead band.
     """
     most = max(abs(trial.level) for trial in trials)
-    trials = [trial for trial in trials if abs(trial.level) > 0.9 * most]
+    trials = [trial for trial in trials if abs(trial.level) > 0.6 * most]
     best, best_miss = DELAYS_S[0], math.inf
     for delay in DELAYS_S:
         miss = sum(_miss(trial, characteristic, delay, lag_s) for trial in trials)
@@ -100,7 +100,7 @@ def fit_delay(trials: Sequence[Trial], characteristic: Characteristic, lag_s: fl
 
 
 def _miss(trial: Trial, characteristic: Characteristic, delay: float, lag_s: float) -> float:
-    """Sum of squares between recorded and modelled readings, their means taken off."""
+    """Sum of squares between recorded and modelled readings, both from where the joint stood."""
     whole, part = int(delay / CYCLE_S), delay / CYCLE_S % 1.0
     drive = np.concatenate([np.zeros(whole + 2), np.array(trial.drive)])
     n = len(trial.drive)
@@ -110,12 +110,12 @@ def _miss(trial: Trial, characteristic: Characteristic, delay: float, lag_s: flo
     position = CYCLE_S * np.cumsum(speed)
     share = 1.0 - math.exp(-CYCLE_S / lag_s) if lag_s > 0.0 else 1.0
     shown = np.empty(n)
-    state = position[0]
+    state = 0.0
     for k in range(n):
         state += share * (position[k] - state)
         shown[k] = state
-    rest = np.array(trial.reading) - shown
-    return float(((rest - rest.mean()) ** 2).sum())
+    rest = np.array(trial.reading) - trial.reading[0] - shown
+    return float((rest * rest).sum())
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,3 +146,20 @@ def fit_creep(pieces: Sequence[tuple[int, float]]) -> Creep:
     if not slope > 0.0:
         raise InputError("longer pieces of motion do not turn the joint farther")
     return Creep(float(slope), float(foot / slope))
+
+
+def find_start(trials: Sequence[Trial], creep: float, resolution: float) -> float:
+    """Find the time from the first drive of a piece to motion [s], the median of some.
+
+    A reading that has changed by more than a step and a half tells that the joint turns; on its way there
+    it has crept about one and a quarter.
+    """
+    times = []
+    for trial in trials:
+        gone = np.abs(np.array(trial.reading) - trial.reading[0])
+        told = np.flatnonzero(gone > 1.4 * resolution)
+        if told.size:
+            times.append(float(told[0]) * CYCLE_S - 1.25 * resolution / creep)
+    if not times:
+        raise InputError("pieces of motion do not show in the readings")
+    return float(min(0.15, max(CYCLE_S, np.median(times))))

@@ -15,8 +15,8 @@ from ascrcp.control.config import JointConfig
 from ascrcp.control.joint import Ramp, Want
 from ascrcp.core.clock import CYCLE_S
 
-_STILL = 4
-"""Cycles after the foreseen end of a piece until the joint is believed to stand (placeholder)."""
+_STILL = 2
+"""Cycles after the foreseen end of motion until the joint is believed to stand (placeholder)."""
 
 _BEHIND = 2.0
 """Half teeth behind which a joint that turns more slowly than believed is driven harder (placeholder)."""
@@ -51,6 +51,7 @@ class StickSlipControl:
         self._zone = own.zone * si
         self._resolution = config.resolution * si
         self._ramp = Ramp(config.ramp)
+        self._still = _STILL + math.ceil(own.stop_s / CYCLE_S)
         self.start_drive = [own.drive, own.drive]
         self.tail = [own.tail_s, own.tail_s]
         self.position = 0.0
@@ -61,7 +62,7 @@ class StickSlipControl:
         self._ramp.clear()
         self._piece = _Piece()
         self._sign = 0
-        self._idle = _STILL
+        self._idle = self._still
         self._tries = 0
         self._back = False
 
@@ -86,9 +87,9 @@ class StickSlipControl:
     def _rest(self, want: Want) -> None:
         """Once the joint stands, learn from the last piece and decide whether another begins."""
         self._idle += 1
-        if self._idle < _STILL or want.wait:
+        if self._idle < self._still or want.wait:
             return
-        if self._idle == _STILL and self._piece.cycles:
+        if self._idle == self._still and self._piece.cycles:
             self._learn(want)
         error = self._left(want, self._own.start_s)
         is_still = want.speed == 0.0 and want.ahead == 0.0

@@ -13,7 +13,7 @@ import numpy as np
 from msgspec import to_builtins
 
 from ascrcp.control.config import ControlConfig, JointConfig
-from ascrcp.control.identification import Trial, fit_characteristic, fit_creep, fit_delay
+from ascrcp.control.identification import Trial, find_start, fit_characteristic, fit_creep, fit_delay
 from ascrcp.control.move import plan_move
 from ascrcp.control.tracker import Tracker
 from ascrcp.core.clock import CYCLE_S
@@ -25,7 +25,7 @@ from ascrcp.kinematics.arm import Arm
 from ascrcp.safety.gate import Gate, GateState
 from ascrcp.session.cycle import Link
 
-LEVELS = (0.10, 0.13, 0.18, 0.25)
+LEVELS = (0.10, 0.13, 0.18, 0.25, 0.35)
 """Drives of the trials: the speeds of spraying and somewhat more; dead bands reach 0.08 (design.md 7)."""
 
 TRIAL_S = 3.5
@@ -158,9 +158,12 @@ class Tuner:
                 kept.append(self._trial(number, sign * level, FAST_CYCLES, np.inf))
                 self._rest()
         c = fit_characteristic(kept[len(PIECES) :])
+        start_s = find_start(kept[: len(PIECES)], creep.speed, config.resolution * config.si)
         own = to_builtins(config.stick_slip) | {
             "creep": creep.speed / config.si,
             "drive": drive,
+            "start_s": start_s,
+            "stop_s": max(CYCLE_S, start_s + creep.tail_s),
             "tail_s": creep.tail_s,
         }
         found = {
@@ -181,7 +184,7 @@ class Tuner:
                 self._trial(number, sign * drive, BREAKAWAY_CYCLES, np.inf)
                 self._rest()
                 moved.append(abs(self._joint(number) - before))
-            if min(moved) > 0.5 * config.resolution * config.si:
+            if min(moved) > 1.5 * config.resolution * config.si:  # a reading may flip by a step
                 return drive
             drive += BREAKAWAY_STEP
         raise DeviceError(f"joint {number}, {config.name}, does not break away below half its drive")
