@@ -100,6 +100,8 @@ class CheckParameters(Struct):
     limit_tolerance_mm: Annotated[float, Meta(ge=0.0, le=10.0)]
     step_deg: Annotated[float, Meta(ge=0.1, le=45.0)]
     step_mm: Annotated[float, Meta(ge=1.0, le=500.0)]
+    pose_mm: Annotated[float, Meta(ge=1.0, le=500.0)]
+    pose_deg: Annotated[float, Meta(ge=0.1, le=45.0)]
 
 
 class Parameters(Struct):

@@ -36,6 +36,7 @@ from ascrcp.perception.survey import load_survey
 from ascrcp.perception.thickness import stable_points
 from ascrcp.perception.writer import write_labelled_cloud
 from ascrcp.planning.dryrun import check_sequence
+from ascrcp.planning.mend import time_and_mend
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.path import plan as plan_path
 from ascrcp.planning.prediction import Prediction, predict
@@ -44,7 +45,6 @@ from ascrcp.planning.rescan import find_after
 from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
 from ascrcp.planning.table import read_joints, read_path, write_joints, write_path
 from ascrcp.planning.target import find_target
-from ascrcp.planning.timing import time_path
 from ascrcp.planning.wall import fit_wall
 from ascrcp.session.layout_store import layout_of, write_layout
 from ascrcp.session.round import Round
@@ -228,21 +228,23 @@ def solve(
         else replan(layout, surface, found.path, found.solved, config.process)
     )
     driven = found.path if planned is None else planned.path
-    timed = time_path(
+    mended = time_and_mend(
         arm,
         driven,
         found.q,
         found.break_before,
-        config.timing,
+        config,
         around,
+        payload_kg,
         progress=lambda done: progress(0.85 + 0.13 * done),
     )
-    sequence = fill_flow(timed.sequence, driven, config.process.spray)
-    check_sequence(arm, sequence, config.check).require()
+    sequence = fill_flow(mended.timed.sequence, driven, config.process.spray)
+    mended.run.require()
     write_joints(round_.joints, sequence, arm.prismatic)
     if planned is not None:
         _write_prediction(round_, planned, predict(planned, config.process, sequence))
-    reasons = tuple(a or b for a, b in zip(found.reasons, timed.reasons, strict=True))
+    late = [mended.replaced.get(i, why) for i, why in enumerate(mended.timed.reasons)]
+    reasons = tuple(a or b for a, b in zip(found.reasons, late, strict=True))
     return Solution(
         solved=np.array([reason is None for reason in reasons]),
         reasons=reasons,
