@@ -20,8 +20,8 @@ SAMPLE = 4000
 class CloudPainter(Protocol):
     """Draws a cloud a chunk at a time, so that no call takes long."""
 
-    def take(self, points: NDArray[np.float32], colours: NDArray[np.uint8]) -> None:
-        """Take another cloud: points (n, 3), red green blue (n, 3)."""
+    def take(self, points: NDArray[np.float32], labels: NDArray[np.uint8], table: NDArray[np.uint8]) -> None:
+        """Take another cloud: points (n, 3), labels (n,), red green blue by label (256, 3)."""
 
     def begin(self, camera: Camera, width: int, height: int, void: tuple[int, int, int]) -> None:
         """Begin a picture anew."""
@@ -57,16 +57,18 @@ class SplatCloud:
     def __init__(self, chunk: int) -> None:
         self._chunk = chunk
         self._points = np.zeros((0, 3), np.float32)
-        self._colours = np.zeros((0, 3), np.uint8)
+        self._labels = np.zeros(0, np.uint8)
+        self._table = np.zeros((256, 3), np.uint8)
         self._next = 0
         self._pixels = np.zeros((1, 1, 4), np.uint8)
         self._depth = np.zeros(1, np.float32)
         self._range = (0.0, 1.0)
         self._camera: Camera | None = None
 
-    def take(self, points: NDArray[np.float32], colours: NDArray[np.uint8]) -> None:
+    def take(self, points: NDArray[np.float32], labels: NDArray[np.uint8], table: NDArray[np.uint8]) -> None:
         """Take another cloud."""
-        self._points, self._colours = points, colours[:, ::-1]  # Qt's 32-bit pixels lie as blue, green, red
+        self._points, self._labels = points, labels
+        self._table = table[:, ::-1]  # Qt's 32-bit pixels lie as blue, green, red
 
     def begin(self, camera: Camera, width: int, height: int, void: tuple[int, int, int]) -> None:
         """Begin a picture anew."""
@@ -81,7 +83,7 @@ class SplatCloud:
         assert self._camera is not None
         chunk = slice(self._next, self._next + self._chunk)
         self._next = min(chunk.stop, len(self._points))
-        self._splat(self._points[chunk], self._colours[chunk], self._camera)
+        self._splat(self._points[chunk], self._table[self._labels[chunk]], self._camera)
         return self._next < len(self._points)
 
     def image(self) -> QImage:

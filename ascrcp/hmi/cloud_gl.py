@@ -79,16 +79,16 @@ class GlCloud:
         self._buffer = int(GL.glGenBuffers(1))
         self._frame: QOpenGLFramebufferObject | None = None
         self._points = np.zeros((0, 3), np.float32)
+        self._labels, self._table = np.zeros(0, np.uint8), np.zeros((256, 3), np.uint8)
+        self._sent = 0
 
-    def take(self, points: NDArray[np.float32], colours: NDArray[np.uint8]) -> None:
-        """Send another cloud to the graphics card."""
-        self._points, self._count = points, len(points)
-        rows = np.full((len(points), STRIDE), 255, np.uint8)
-        rows[:, :12] = np.ascontiguousarray(points, np.float32).view(np.uint8).reshape(-1, 12)
-        rows[:, 12:15] = colours
+    def take(self, points: NDArray[np.float32], labels: NDArray[np.uint8], table: NDArray[np.uint8]) -> None:
+        """Take another cloud: make room for it; each chunk is sent when it is first drawn."""
+        self._points, self._labels, self._table = points, labels, table
+        self._count, self._sent = len(points), 0
         self._enter()
         GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffer)
-        GL.glBufferData(GL.GL_ARRAY_BUFFER, rows.nbytes, rows, GL.GL_STATIC_DRAW)
+        GL.glBufferData(GL.GL_ARRAY_BUFFER, STRIDE * len(points), None, GL.GL_STATIC_DRAW)
 
     def begin(self, camera: Camera, width: int, height: int, void: tuple[int, int, int]) -> None:
         """Begin a picture anew."""
@@ -117,6 +117,8 @@ class GlCloud:
         count = min(self._chunk, self._count - self._next)
         if count > 0:
             GL.glBindBuffer(GL.GL_ARRAY_BUFFER, self._buffer)
+            if self._next >= self._sent:
+                self._send(slice(self._next, self._next + count))
             place, colour = (GL.glGetAttribLocation(self._program, n) for n in ("place", "colour"))
             GL.glEnableVertexAttribArray(place)
             GL.glEnableVertexAttribArray(colour)
@@ -145,6 +147,14 @@ class GlCloud:
         self._frame = None
         self._context.doneCurrent()
         self._surface.destroy()
+
+    def _send(self, chunk: slice) -> None:
+        points = np.ascontiguousarray(self._points[chunk], np.float32)
+        rows = np.full((len(points), STRIDE), 255, np.uint8)
+        rows[:, :12] = points.view(np.uint8).reshape(-1, 12)
+        rows[:, 12:15] = self._table[self._labels[chunk]]
+        GL.glBufferSubData(GL.GL_ARRAY_BUFFER, STRIDE * chunk.start, rows.nbytes, rows)
+        self._sent = chunk.stop
 
     def _enter(self) -> None:
         if not self._context.makeCurrent(self._surface):

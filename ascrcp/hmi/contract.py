@@ -72,5 +72,8 @@ class Session(Protocol):
     def finish_steering(self) -> None:
         """End what the stick does."""
 
+    def leave_area(self) -> None:
+        """Let the next start in semi-automatic mode lie in another area of the plan."""
+
     def put_stick(self, state: StickState) -> None:
         """Set the stick on the screen."""

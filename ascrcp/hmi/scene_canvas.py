@@ -162,7 +162,7 @@ class SceneCanvas(QWidget):
 
     def _send_cloud(self) -> None:
         if self._prepared is not None:
-            self.painter.take(self._prepared.points, self._table[self._prepared.labels])
+            self.painter.take(self._prepared.points, self._prepared.labels, self._table)
         self._forget()
 
     def _forget(self) -> None:

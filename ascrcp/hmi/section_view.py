@@ -12,11 +12,11 @@ from ascrcp.hmi import quantity
 from ascrcp.hmi.preparation import Prepared, cut, wall_offset
 from ascrcp.hmi.scene_part import label_table
 from ascrcp.hmi.text import Language, say
-from ascrcp.hmi.theme import Screen, rgb
+from ascrcp.hmi.theme import Screen
 
 HALF_M = 0.04
 """Points so far to both sides of the station belong to the section [m]."""
-LINE_POINTS = 90
+LINE_POINTS = 60
 EDGE_M = 0.6
 """Free space about the design line [m]."""
 TEXT_PX, LINE_PX = 15, 22
@@ -30,10 +30,11 @@ class SectionView(QWidget):
     def __init__(self, screen: Screen) -> None:
         super().__init__()
         self.setObjectName("section_view")
-        self._screen, self._language = screen, Language.EN
+        self._language = Language.EN
         self._prepared: Prepared | None = None
         self._station = math.nan
         self._still: QImage | None = None
+        self.set_theme(screen)
 
     def set_language(self, language: Language) -> None:
         """Write names in a language."""
@@ -42,7 +43,7 @@ class SectionView(QWidget):
 
     def set_theme(self, screen: Screen) -> None:
         """Take a theme's colours."""
-        self._screen = screen
+        self._screen, self._table = screen, label_table(screen.look.scene)
         self._forget()
 
     def draw(self, prepared: Prepared) -> None:
@@ -96,9 +97,8 @@ class SectionView(QWidget):
             return np.stack([x, height / 2 - scale * (yz[:, 1] - middle[1])], -1)
 
         points, labels = cut(prepared, self._station, HALF_M)
-        self._splat(still, place(points.astype(float)), label_table(self._screen.look.scene)[labels])
+        self._splat(still, place(points.astype(float)), self._table[labels])
         painter = QPainter(still)
-        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         font = QFont(self.font())
         font.setPixelSize(TEXT_PX)
         painter.setFont(font)
@@ -121,18 +121,17 @@ class SectionView(QWidget):
 
     def _splat(self, image: QImage, pixels: Array, colours: np.ndarray) -> None:
         """Paint points as squares of 2 px into a picture."""
-        void = rgb(self._screen.look.colours.void)
         height, width = image.height(), image.width()
-        canvas = np.empty((height, width, 3), np.uint8)
-        canvas[:] = void
-        xy = np.rint(pixels).astype(np.int64)
+        canvas = np.asarray(image.bits()).view(np.uint32).reshape(height, width)
+        xy = np.rint(pixels).astype(np.int32)
         inside = (xy >= 0).all(axis=1) & (xy[:, 0] < width - 1) & (xy[:, 1] < height - FOOT_PX)
+        x, y = xy[inside].T
+        dots = np.full((len(x), 4), 255, np.uint8)
+        dots[:, :3] = colours[inside, ::-1]  # Qt's 32-bit pixels lie as blue, green, red
+        values = dots.view(np.uint32)[:, 0]
         for dx in (0, 1):
             for dy in (0, 1):
-                canvas[xy[inside, 1] + dy, xy[inside, 0] + dx] = colours[inside]
-        painter = QPainter(image)
-        painter.drawImage(0, 0, QImage(canvas.data, width, height, 3 * width, QImage.Format.Format_RGB888))
-        painter.end()
+                canvas[y + dy, x + dx] = values
 
     def _write_legend(self, painter: QPainter, row: int, key: str, pen: QPen, top: int) -> None:
         y = top + LINE_PX * (row + 0.5)

@@ -19,7 +19,11 @@ from ascrcp.session.state import Mode, Step
 
 LEVER_STEP = 0.1
 """Of full flow, one press on the spray buttons; placeholder."""
-BUTTONS = ("semi_finish", "semi_jog", "semi_axis", "semi_spray_less", "semi_spray_none", "semi_spray_more")
+BUTTONS = (
+    ("semi_finish", "semi_area", "semi_jog", "semi_axis"),
+    ("semi_spray_more", "semi_spray_less", "semi_spray_none"),
+)
+"""By columns, from the top."""
 REST = StickState(lost=False, reason="")
 
 
@@ -43,10 +47,13 @@ class SemiAutomaticPage(Page):
         self.enabled, self.lever, self.stick = (make_label("value") for _ in range(3))
         self.note = make_label("small", wrap=True)
         self.nozzle = NozzlePanel()
-        self.buttons: dict[str, QPushButton] = {name: make_button("view", name=name) for name in BUTTONS}
+        self.buttons: dict[str, QPushButton] = {
+            name: make_button("view", name=name) for column in BUTTONS for name in column
+        }
         self._lay_out()
         for name, press in (
             ("semi_finish", session.finish_steering),
+            ("semi_area", session.leave_area),
             ("semi_jog", self._press_jog),
             ("semi_axis", self._turn_axis),
             ("semi_spray_less", lambda: self._dose(-LEVER_STEP)),
@@ -71,9 +78,10 @@ class SemiAutomaticPage(Page):
         column.addWidget(self.nozzle)
         keys = QGridLayout()
         keys.setSpacing(6)
-        for place, name in enumerate(BUTTONS):
-            keys.addWidget(self.buttons[name], place % 3, place // 3)
-        keys.setRowStretch(3, 1)
+        for place, column_names in enumerate(BUTTONS):
+            for line, name in enumerate(column_names):
+                keys.addWidget(self.buttons[name], line, place)
+        keys.setRowStretch(max(map(len, BUTTONS)), 1)
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(8)
@@ -85,7 +93,7 @@ class SemiAutomaticPage(Page):
         """Write the fixed texts in a language."""
         super().set_language(language)
         self.nozzle.set_language(language)
-        for name in ("semi_finish", "semi_spray_less", "semi_spray_none", "semi_spray_more"):
+        for name in ("semi_finish", "semi_area", "semi_spray_less", "semi_spray_none", "semi_spray_more"):
             self.buttons[name].setText(say(name, language))
         self.note.setText(f"{say('semi_steps', language)} {say('semi_keys', language)}")
         self._write_axis()
@@ -128,6 +136,8 @@ class SemiAutomaticPage(Page):
         set_text_of(jog, say("semi_end_jog" if is_jog else "semi_jog", language))
         jog.setEnabled(is_jog or self._session.jog_refusal() is None)
         self.buttons["semi_finish"].setEnabled(is_steered)
+        can_leave = job.mode is Mode.SEMI_AUTOMATIC and Step.LOAD in job.done
+        self.buttons["semi_area"].setEnabled(can_leave and job.active is None and not is_jog)
         self.buttons["semi_axis"].setEnabled(is_jog and self._is_stick)
         for name in ("semi_spray_less", "semi_spray_none", "semi_spray_more"):
             self.buttons[name].setEnabled(self._is_stick and job.mode is Mode.SEMI_AUTOMATIC and not is_jog)

@@ -29,6 +29,7 @@ SEMI_TEXT: dict[str, tuple[str, str]] = {
     "semi_right": ("right", "右"),
     "semi_idle": ("○ The stick does not have the arm.", "○ 摇杆未接管机械臂。"),
     "semi_finish": ("Finish", "结束操纵"),
+    "semi_area": ("Other\narea", "换区域"),
     "semi_jog": ("Free jog", "自由点动"),
     "semi_end_jog": ("End jog", "结束点动"),
     "semi_axis_in": ("Pad up:\nin", "上拖：\n洞内"),

@@ -54,16 +54,16 @@ def paint_values(
 ) -> QImage:
     """Return the shown part of a layer as a picture, one pixel a cell, left of the tunnel at the left."""
     rows = (layer.station >= view.station[0]) & (layer.station <= view.station[1])
-    values = np.asarray(layer.values[rows])
+    values = np.asarray(layer.values[rows], np.float32)[::-1, ::-1]  # up is into the tunnel, left is left
     low, high = span
-    known = np.isfinite(values)
-    share = (np.where(known, values, low) - low) / (high - low)
-    index = np.clip(share * (len(table) - 1), 0, len(table) - 1).astype(np.int64)
-    picture = table[index]
-    picture[~known] = rgb(unknown)
-    picture = np.ascontiguousarray(picture[::-1, ::-1])  # up is into the tunnel, left is left
-    height, width = picture.shape[:2]
-    return QImage(picture.data, width, height, 3 * width, QImage.Format.Format_RGB888).copy()
+    index = (values - np.float32(low)) * np.float32((len(table) - 1) / (high - low))
+    np.clip(index, 0.0, len(table) - 1.0, out=index)
+    index[np.isnan(index)] = len(table)
+    colours = np.full((len(table) + 1, 4), 255, np.uint8)
+    colours[:-1, :3], colours[-1, :3] = table[:, ::-1], rgb(unknown)[::-1]
+    picture = np.take(colours.view(np.uint32)[:, 0], index.astype(np.int32))
+    height, width = picture.shape
+    return QImage(picture.data, width, height, 4 * width, QImage.Format.Format_RGB32).copy()
 
 
 class WallMap(QWidget):
@@ -83,6 +83,7 @@ class WallMap(QWidget):
         self._layer = "offset"
         self._view: WallView | None = None
         self._still: QImage | None = None
+        self._picture: QImage | None = None  # the values alone: kept when only names change
         self._T_tunnel_base: Array = np.eye(4)
         self._nozzle: tuple[float, float] | None = None
         self.station = math.nan
@@ -94,7 +95,7 @@ class WallMap(QWidget):
 
     def set_theme(self, screen: Screen) -> None:
         """Take a theme's colours."""
-        self._screen = screen
+        self._screen, self._picture = screen, None
         self._forget()
 
     def draw_scene(self, scene: Scene) -> None:
@@ -104,12 +105,12 @@ class WallMap(QWidget):
         self._view = None if surface is None or len(surface.station) < 2 else window_of(surface)
         if surface is not None:
             self._T_tunnel_base = inverse_transform(surface.axis.T_base_tunnel)
-        self._nozzle = None
+        self._nozzle, self._picture = None, None
         self._forget()
 
     def choose_layer(self, name: str) -> None:
         """Show "offset", "predicted" or "achieved"."""
-        self._layer = name
+        self._layer, self._picture = name, None
         self._forget()
 
     def choose_station(self, station: float) -> None:
@@ -145,8 +146,7 @@ class WallMap(QWidget):
 
     def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
         """Copy the kept picture, then mark section and nozzle on it."""
-        ratio = self.size()
-        if self._still is None or self._still.size() != ratio:
+        if self._still is None or self._still.size() != self.size():
             self._still = self._draw_still()
         painter = QPainter(self)
         painter.drawImage(0, 0, self._still)
@@ -208,7 +208,9 @@ class WallMap(QWidget):
         table = colour_scale(chart.signed if signed else chart.layer)
         span = (-SIGNED_M, SIGNED_M) if signed else (0.0, LAYER_M)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        painter.drawImage(area, paint_values(layer, view, table, span, chart.unknown))
+        picture = self._picture or paint_values(layer, view, table, span, chart.unknown)
+        self._picture = picture
+        painter.drawImage(area, picture)
         painter.setClipRect(area)
         surface = self._scene.surface
         assert surface is not None

@@ -24,7 +24,7 @@ from ascrcp.hmi.step_strip import StepStrip
 from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen, apply_theme, with_theme
 from ascrcp.hmi.wall_page import WallPage
-from ascrcp.session.snapshot import Snapshot
+from ascrcp.session.snapshot import Scene, Snapshot
 from ascrcp.session.state import STEPS, Mode, Step
 
 STOP_KEYS = (Qt.Key.Key_Space, Qt.Key.Key_F12)
@@ -64,17 +64,20 @@ class Window(QWidget):
         self.strip = PageStrip(tuple(page.key for page in self.pages))
         self.alarm = AlarmBar()
         self.line = StatusLine()
-        self.panels = (self.rail, self.status, self.steps, self.strip, self.alarm, self.line, *self.pages)
+        self.panels = (self.rail, self.status, self.steps, self.strip, self.alarm, self.line)
         self.stack = QStackedWidget()
         for page in self.pages:
             self.stack.addWidget(page)
         self.preparation = Preparation(screen.view.points)
         self._version = 0
+        self._later: list[Callable[[], None]] = []
         self._lay_out()
         self._connect()
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # or the first button would look chosen
         self.setFocus()
         self.setMinimumSize(screen.size.width, screen.size.height)
+        for page in self.pages:
+            page.set_language(language)
         self.set_language(language)
         self.show_page(self.automatic.key)
         self._timer = QTimer(self)
@@ -98,10 +101,17 @@ class Window(QWidget):
             self._version = scene.version
             for page in self.pages:
                 page.show_scene(scene)
+        self._do_one(scene)
+        self.refreshed.emit(snapshot)
+
+    def _do_one(self, scene: Scene) -> None:
+        """Do one piece of what would keep the interpreter too long at once."""
+        if self._later:
+            self._later.pop(0)()
+            return
         ready = self.preparation.poll(scene)
         if ready is not None:
             self._take(ready)
-        self.refreshed.emit(snapshot)
 
     def draw_now(self) -> None:
         """Draw the newest snapshot without telling anybody: for pictures."""
@@ -117,6 +127,8 @@ class Window(QWidget):
         ready = self.preparation.wait(scene)
         if ready is not None:
             self._take(ready)
+        while self._later:
+            self._later.pop(0)()
         self.automatic.scene.canvas.complete()
 
     def show_page(self, key: str) -> None:
@@ -124,16 +136,25 @@ class Window(QWidget):
         page = next(page for page in self.pages if page.key == key)
         if page is not self.page:
             self.page.leave()
+        if page.language is not self.language:
+            page.set_language(self.language)
         self.stack.setCurrentWidget(page)
         self.strip.show_front(key)
 
     def set_language(self, language: Language) -> None:
-        """Write everything in a language, at once."""
+        """Write what is seen in a language at once, the other pages in the next refreshes."""
         self.language = language
         self.setWindowTitle(say("window", language))
-        for panel in self.panels:
+        for panel in (*self.panels, self.page):
             panel.set_language(language)
+        self._later += [
+            partial(self._translate, page) for page in self.pages if page.language is not language
+        ]
         self._draw(self._session.snapshot())
+
+    def _translate(self, page: Page) -> None:
+        if page.language is not self.language:
+            page.set_language(self.language)
 
     def set_theme(self, screen: Screen) -> None:
         """Take another look."""
@@ -141,7 +162,7 @@ class Window(QWidget):
         application = QApplication.instance()
         if isinstance(application, QApplication):
             apply_theme(application, screen)
-        for panel in self.panels:
+        for panel in (*self.panels, *self.pages):
             panel.set_theme(screen)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
@@ -181,8 +202,7 @@ class Window(QWidget):
         self.page.show_snapshot(snapshot)
 
     def _take(self, prepared: Prepared) -> None:
-        self.automatic.draw(prepared)
-        self.wall.draw(prepared)
+        self._later += [partial(self.automatic.draw, prepared), partial(self.wall.draw, prepared)]
 
     def _lay_out(self) -> None:
         left = QVBoxLayout()

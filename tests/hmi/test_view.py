@@ -54,7 +54,9 @@ def test_field_of_view_spans_the_width() -> None:
 def splat(points: np.ndarray, colours: np.ndarray, chunk: int = 100) -> np.ndarray:
     """Red, green, blue of a picture of 80 x 60 px."""
     painter = SplatCloud(chunk)
-    painter.take(points.astype(np.float32), colours)
+    table = np.zeros((256, 3), np.uint8)
+    table[: len(colours)] = colours
+    painter.take(points.astype(np.float32), np.arange(len(points), dtype=np.uint8), table)
     painter.begin(LEVEL, 80, 60, BLACK)
     while painter.add():
         pass
@@ -85,12 +87,12 @@ def test_no_corner_of_a_far_point_covers_a_near_one() -> None:
 
 def test_a_cloud_in_chunks_is_the_cloud_at_once(screen: Screen) -> None:
     ready = prepare(make_scene(points=5000), 5000)
-    colours = label_table(screen.look.scene)[ready.labels]
+    table = label_table(screen.look.scene)
     camera = first_camera(screen.view)
     pictures = []
     for chunk in (700, 100_000):
         painter = SplatCloud(chunk)
-        painter.take(ready.points, colours)
+        painter.take(ready.points, ready.labels, table)
         painter.begin(camera, 160, 120, BLACK)
         while painter.add():
             pass

@@ -280,7 +280,9 @@ def test_mode_can_be_chosen_at_rest_only(open_window: Opener, qtbot: QtBot) -> N
     assert session.job.mode is Mode.SEMI_AUTOMATIC
     assert window.automatic.nozzle.title.text() == say("nozzle_semi", Language.EN)
     assert "by the operator" in window.automatic.nozzle.values["spray"].text()
-    assert window.steps.reasons[Step.RUN].text() == Refusal.NEEDS_GO_TO_START.value[0]  # each mode has its own
+    assert (
+        window.steps.reasons[Step.RUN].text() == Refusal.NEEDS_GO_TO_START.value[0]
+    )  # each mode has its own
     session.start(Step.ZERO)
     refresh(window)
     assert not any(button.isEnabled() for button in window.status.modes.values())
