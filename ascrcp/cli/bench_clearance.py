@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.candidate import make_grid, solve_grid
+from ascrcp.kinematics.candidate import make_grid, solve_inside
 from ascrcp.kinematics.clearance import clearance, rough_clearance
 from ascrcp.kinematics.feedback import tilt_path
-from ascrcp.kinematics.lean import lean_cone, repeat_point
+from ascrcp.kinematics.lean import lean_cone, repeat_points
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.task import spray_pose
@@ -48,10 +48,9 @@ def find_most_clearance(arm: Arm, path: SprayPath, rows: NDArray[np.int64], obst
     most = np.full(len(rows), -np.inf)
     for k, i in enumerate(rows.tolist()):
         leans = lean_cone(path.direction[i], [share * limit for share in SHARES], WAYS)
-        leaned = tilt_path(repeat_point(path, i, len(leans)), leans, STAND_OFF)
+        leaned = tilt_path(repeat_points(path, np.array([i]), len(leans)), leans, STAND_OFF)
         for pose in compensate(arm, spray_pose(leaned)):
-            q = solve_grid(arm, pose[None], grid).reshape(-1, arm.n)
-            q = q[arm.within_limits(q)]
+            q = solve_inside(arm, pose[None], grid)[2]
             best = (-rough_clearance(arm, q, obstacles)).argsort(kind="stable")[:MEASURED]
             if len(best):
                 most[k] = max(most[k], float(clearance(arm, q[best], obstacles).distance.max()))

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.geometry import Array, rotation, transform
 from ascrcp.kinematics.bucket import BucketInverse
-from ascrcp.kinematics.chain import Op, Walk, compile_chain, pack_transform, walk_chain
+from ascrcp.kinematics.chain import Column, Op, Walk, compile_chain, pack_transform, walk_chain
 from ascrcp.kinematics.description import ArmDescription, Mount, Prismatic, Revolute, load_description
 from ascrcp.kinematics.inverse import SprayInverse
 from ascrcp.kinematics.pose import split_poses
@@ -121,6 +121,10 @@ class Arm:
         Returns:
             Shape (..., 6, n); rows vx, vy, vz [m/s], wx, wy, wz [rad/s] per rad/s or m/s.
         """
+        return self.pose_and_jacobian(q)[1]
+
+    def pose_and_jacobian(self, q: ArrayLike) -> tuple[Array, Array]:
+        """Compute forward(q) and jacobian(q) in one walk."""
         walk, shape = self._walk(q, record=True)
         J = np.zeros((*shape, 6, self.n))
         p = walk.columns[3]
@@ -134,13 +138,17 @@ class Arm:
                 j, k = (row + 1) % 3, (row + 2) % 3
                 J[..., row, i] = axis[j] * arm[k] - axis[k] * arm[j]
                 J[..., 3 + row, i] = axis[row]
-        return J
+        return pack_transform(walk.columns, shape), J
 
     def frames(self, q: ArrayLike) -> Array:
         """Compute the frame that ends each joint's step, and the tool's last, shape (..., n + 1, 4, 4)."""
         walk, shape = self._walk(q, record=True)
         packed = [pack_transform(columns, shape) for columns in [*walk.frames, walk.columns]]
         return np.stack(packed, axis=-3)
+
+    def link_columns(self, q: ArrayLike) -> list[list[Column]]:
+        """Return the columns x, y, z and origin of each joint's frame, three components each, unpacked."""
+        return self._walk(q, record=True)[0].frames
 
     def lidar(self, q: ArrayLike) -> Array:
         """Compute T_base_lidarmount, shape (..., 4, 4).
@@ -223,6 +231,27 @@ class Arm:
         for i, value in enumerate(form.solve(P, self._held(held, form.held, len(T)), None)):
             q[i] = value
         return q.reshape(self.n, -1, len(T)).transpose(2, 1, 0)
+
+    def candidates_inside(self, T: Array, held: Mapping[int, Any]) -> tuple[NDArray[np.int64], Array]:
+        """Compute those closed-form candidates that keep every range, not confirmed.
+
+        The ranges are looked at before branches and joints are spread out: most candidates end there.
+
+        Args:
+            T: Poses, shape (N, 4, 4), taken as rigid.
+            held: As for inverse.
+
+        Returns:
+            Poses they belong to, rising (m,), and joint vectors [rad, m], shape (m, n).
+        """
+        form = self._form()
+        P = np.ascontiguousarray(np.moveaxis(T[:, :3], 0, -1))
+        found = form.solve(P, self._held(held, form.held, len(T)), None)
+        shape = (*BRANCHES, len(T))
+        inside = np.broadcast_to(self._inside(found), shape)
+        pose, branch = np.nonzero(inside.reshape(-1, len(T)).T)
+        where = (*np.unravel_index(branch, BRANCHES), pose)
+        return pose, np.stack([np.broadcast_to(value, shape)[where] for value in found], axis=1)
 
     def within_limits(self, q: ArrayLike, tolerance: float = LIMIT_TOLERANCE) -> NDArray[np.bool_]:
         """Tell whether joint vectors (..., n) keep every range; NaN never does. Shape (...)."""

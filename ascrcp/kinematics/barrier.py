@@ -69,8 +69,8 @@ class Barrier:
         near, place = np.unique(rows, return_inverse=True)
         centre = sight.centre[rows, links]
         out = self.obstacles.direction(centre)
-        J = self.arm.jacobian(q[near])[place]
-        tool = self.arm.forward(q[near])[place, :3, 3]
+        T, J = (each[place] for each in self.arm.pose_and_jacobian(q[near]))
+        tool = T[:, :3, 3]
         # a point carried by joint k: dp = Jv dq + w x (p - tool), of the joints up to k
         turn = np.cross(centre - tool, out)
         row = np.einsum("mi,mij->mj", out, J[:, :3]) + np.einsum("mi,mij->mj", turn, J[:, 3:])

@@ -5,6 +5,7 @@ in sag.py. A cantilever's middle drops by up to a fifth of the tip's sag more (1
 """
 
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -37,7 +38,7 @@ class Body:
         start, end: Its segment in that joint's frame [m], shape (c, 3).
         radius: Radii [m], shape (c,).
         owner: Capsule of each sample, rising, shape (m,).
-        local: Samples in their frames [m], shape (m, 3).
+        share: Where along its capsule each lies, 0 at the start, 1 at the end, shape (m,).
         first: First sample of each capsule, shape (c,).
         pairs: Capsules that are checked against each other, shape (k, 2).
     """
@@ -48,7 +49,7 @@ class Body:
     end: Array
     radius: Array
     owner: NDArray[np.int64]
-    local: Array
+    share: Array
     first: NDArray[np.int64]
     pairs: NDArray[np.int64]
 
@@ -57,31 +58,57 @@ class Body:
         """Whether a capsule moves more than the slew turns it on the carrier, shape (c,)."""
         return np.asarray(self.joint > 1)
 
+    @cached_property
+    def moving(self) -> slice | NDArray[np.int64]:
+        """Samples of the capsules that move: as a slice where they lie side by side, which copies nothing."""
+        found = np.flatnonzero(self.is_moving[self.owner])
+        if len(found) and found[-1] - found[0] == len(found) - 1:
+            return slice(int(found[0]), int(found[-1]) + 1)
+        return found
+
     def place(self, arm: Arm, q: Array) -> Array:
         """Return the samples in the base frame at joint vectors (n, joints), sagged, shape (n, m, 3) [m]."""
-        return self._carry(arm, q, self.joint[self.owner], self.local)
+        return self.sample(arm, *self.carry(arm, q))
 
     def segments(self, arm: Arm, q: Array) -> tuple[Array, Array]:
-        """Return both ends of every capsule's segment in the base frame, each (n, c, 3) [m]."""
-        return self._carry(arm, q, self.joint, self.start), self._carry(arm, q, self.joint, self.end)
+        """Return both ends of every capsule's segment in the base frame, sagged, each (n, c, 3) [m]."""
+        a, b = self.carry(arm, q)
+        return droop(arm, a), droop(arm, b)
 
-    def _carry(self, arm: Arm, q: Array, joint: NDArray[np.int64], local: Array) -> Array:
-        frames = arm.frames(q)
-        placed = np.empty((len(q), len(local), 3))
-        ends = np.concatenate([[0], 1 + np.flatnonzero(np.diff(joint)), [len(joint)]]).tolist()
-        for first, last in pairwise(ends):
-            mine, number = slice(first, last), joint[first]
-            if number == 0:
-                placed[:, mine] = local[mine]
-                continue
-            T = frames[:, number - 1]
-            placed[:, mine] = local[mine] @ np.swapaxes(T[:, :3, :3], 1, 2) + T[:, None, :3, 3]
-        if arm.description.sag is not None:
-            reach = np.hypot(placed[..., 0], placed[..., 1])
-            placed[..., 2] -= compute_sag(arm.description.sag, reach, HALF_LOAD_KG)[0]
-        return placed
+    def carry(self, arm: Arm, q: Array) -> tuple[Array, Array]:
+        """Return both ends of every segment without sag, component by component, each (3, n, c) [m]."""
+        frames = arm.link_columns(q)
+        ends = np.empty((2, 3, len(q), len(self.joint)))
+        for c, number in enumerate(self.joint.tolist()):
+            for end, local in zip(ends, (self.start[c].tolist(), self.end[c].tolist()), strict=True):
+                if number == 0:
+                    end[:, :, c] = np.array(local)[:, None]
+                    continue
+                x, y, z, p = frames[number - 1]
+                for i in range(3):
+                    end[i, :, c] = p[i] + local[0] * x[i] + local[1] * y[i] + local[2] * z[i]
+        return ends[0], ends[1]
+
+    def sample(self, arm: Arm, a: Array, b: Array) -> Array:
+        """Return the sagged samples (n, m, 3) [m] between ends a and b, each (3, n, c)."""
+        placed, way = np.empty((*a.shape[:2], len(self.owner))), b - a
+        bounds = [*self.first.tolist(), len(self.owner)]
+        for c, (first, last) in enumerate(pairwise(bounds)):
+            part = placed[:, :, first:last]
+            np.multiply(way[:, :, c, None], self.share[first:last], out=part)
+            part += a[:, :, c, None]
+        return droop(arm, placed)
 
 
+def droop(arm: Arm, placed: Array) -> Array:
+    """Lower rigid points (3, n, k) in place by the sag at each one's reach; a view of them, (n, k, 3)."""
+    if arm.description.sag is not None:
+        reach = np.hypot(placed[0], placed[1])
+        placed[2] -= compute_sag(arm.description.sag, reach, HALF_LOAD_KG)[0]
+    return np.moveaxis(placed, 0, -1)
+
+
+@lru_cache(maxsize=8)
 def make_body(arm: Arm, spread: float = 1.0) -> Body:
     """Sample the capsules of a machine file.
 
@@ -111,7 +138,7 @@ def make_body(arm: Arm, spread: float = 1.0) -> Body:
         end=end,
         radius=radius,
         owner=owner,
-        local=start[owner] + share[:, None] * (end - start)[owner],
+        share=share,
         first=np.searchsorted(owner, np.arange(len(capsules))),
         pairs=np.array(pairs, dtype=np.int64).reshape(-1, 2),
     )

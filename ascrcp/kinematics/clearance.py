@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.capsule import Body, between_segments, make_body
+from ascrcp.kinematics.capsule import Body, between_segments, droop, make_body
 from ascrcp.kinematics.obstacle import Obstacle, Obstacles
 
 BLOCK = 512
@@ -77,8 +77,7 @@ def rough_clearance(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
     found = np.empty(len(q))
     for i in range(0, len(q), BLOCK):
         placed = body.place(arm, q[i : i + BLOCK])
-        moving = body.is_moving[body.owner]
-        near = obstacles.near(placed[:, moving]) - body.radius[body.owner[moving]]
+        near = obstacles.near(placed[:, body.moving]) - body.radius[body.owner[body.moving]]
         found[i : i + BLOCK] = near.min(axis=1, initial=np.inf)
     return found
 
@@ -101,7 +100,7 @@ def link_distances(
         Distances from the capsule's surface [m], infinite for those that stay with the carrier, shape
         (n, c), and the samples' indices, shape (n, c).
     """
-    moving = body.is_moving[body.owner]
+    moving = body.moving
     radius, points = body.radius[body.owner[moving]], placed[:, moving]
     free = obstacles.near(points) - radius
     slack = HALF_DIAGONAL * obstacles.cell
@@ -122,7 +121,8 @@ def _measure(
     arm: Arm, body: Body, q: Array, obstacles: Obstacles
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], Array, Array]:
     rows = np.arange(len(q))
-    placed = body.place(arm, q)
+    start, end = body.carry(arm, q)
+    placed = body.sample(arm, start, end)
     distance, nearest = link_distances(body, placed, obstacles)
     link = distance.argmin(axis=1)
     best = distance[rows, link]
@@ -131,7 +131,7 @@ def _measure(
     radius = body.radius[link]
     a = centre - radius[:, None] * direction
     b = centre - (best + radius)[:, None] * direction
-    own, pair, on_a, on_b = _self_distance(arm, body, q)
+    own, pair, on_a, on_b = _self_distance(body, droop(arm, start), droop(arm, end))
     mine = own < best
     return (
         np.where(mine, own, best),
@@ -142,13 +142,13 @@ def _measure(
     )
 
 
-def _self_distance(arm: Arm, body: Body, q: Array) -> tuple[Array, NDArray[np.int64], Array, Array]:
+def _self_distance(body: Body, start: Array, end: Array) -> tuple[Array, NDArray[np.int64], Array, Array]:
     """Distance of the nearest pair of links (n,), the pair's first link (n,), points on both (n, 3)."""
+    n = len(start)
     if not len(body.pairs):
-        nowhere = np.zeros((len(q), 3))
-        return np.full(len(q), np.inf), np.zeros(len(q), dtype=np.int64), nowhere, nowhere
-    rows = np.arange(len(q))
-    start, end = body.segments(arm, q)
+        nowhere = np.zeros((n, 3))
+        return np.full(n, np.inf), np.zeros(n, dtype=np.int64), nowhere, nowhere
+    rows = np.arange(n)
     i, j = body.pairs.T
     on_a, on_b = between_segments(start[:, i], end[:, i], start[:, j], end[:, j])
     gap = on_b - on_a

@@ -98,15 +98,17 @@ class FirstChain:
             layers += find_candidates(self.arm, self.T[keys[start : start + 32]], grid)
             report(0.1 + 0.3 * min(1.0, (start + 32) / len(keys)))
         layers = self._enrich(layers, keys)
-        price: list[Array] = []
-        for i, layer in enumerate(layers):
-            own = own_cost(self.arm, self.cost, layer) * self.model.key_spacing
-            if self.barrier is not None and len(layer):
-                near = rough_clearance(self.arm, layer, self.barrier.obstacles)
-                own = own + self.barrier.weight * np.maximum(self.barrier.soft - near, 0.0) ** 2
-                free = near > 0.0 if (near > 0.0).any() else near == near.max()
-                layers[i], own = layer[free], own[free]
-            price.append(own)
+        price = [own_cost(self.arm, self.cost, layer) * self.model.key_spacing for layer in layers]
+        if self.barrier is None:
+            return layers, price
+        ends = np.cumsum([len(layer) for layer in layers])[:-1]
+        rough = rough_clearance(self.arm, np.concatenate(layers), self.barrier.obstacles)
+        for i, near in enumerate(np.split(rough, ends)):
+            if not len(near):
+                continue
+            own = price[i] + self.barrier.weight * np.maximum(self.barrier.soft - near, 0.0) ** 2
+            free = near > 0.0 if (near > 0.0).any() else near == near.max()
+            layers[i], price[i] = layers[i][free], own[free]
         return layers, price
 
     def _enrich(self, layers: list[Array], keys: NDArray[np.int64]) -> list[Array]:

@@ -6,7 +6,7 @@ form on the grid of candidates for each, and the cheapest chain of postures and 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import Barrier
-from ascrcp.kinematics.candidate import Grid, solve_grid
+from ascrcp.kinematics.candidate import Grid, solve_inside, spread_rolls
 from ascrcp.kinematics.clearance import clearance, rough_clearance
 from ascrcp.kinematics.description import PathModel
 from ascrcp.kinematics.feedback import tilt_path
@@ -29,6 +29,9 @@ WAYS = 8
 
 SHARES = (0.5, 1.0)
 """Leans tried, of the largest allowed."""
+
+BLOCK = 64
+"""Points whose cones are looked at at once."""
 
 LOOKED_AT = 96
 """Candidates of a point whose clearance is measured, the best of a rough look; placeholder."""
@@ -50,6 +53,10 @@ LEAN_S = 60.0
 
 CHANGE_COST = 100.0
 """The same of a lean off the present one: the neighbours have to follow; placeholder."""
+
+
+View = tuple[Array, Array, Array]
+"""Candidates of a point: joints (k, joints), leans [rad] (k, 3), what they keep clear [m] (k,)."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +85,7 @@ class LeanSearch:
         limit: Largest lean [rad].
         stand_off: Nozzle to the sprayed point, about which it leans [m].
         payload_kg: Concrete in the hose [kg], for the sag.
+        seen: What the cones of points held, by their number in the plan.
     """
 
     arm: Arm
@@ -89,6 +97,7 @@ class LeanSearch:
     limit: float
     stand_off: float
     payload_kg: float
+    seen: dict[int, View] = field(default_factory=dict)
 
     def find(
         self,
@@ -111,7 +120,18 @@ class LeanSearch:
             tilt: Present rotation vectors [rad], shape (m, 3).
         """
         found, q = np.zeros((len(rows), 3)), np.full((len(rows), self.arm.n), np.nan)
-        layers = [self._candidates(path, int(i), near[k], bool(own[k]), tilt[k]) for k, i in enumerate(rows)]
+        new = np.array([i for i in rows.tolist() if i not in self.seen], dtype=np.int64)
+        for start in range(0, len(new), BLOCK):
+            self._look_round(path, new[start : start + BLOCK])
+        here = self._look(path, rows, tilt[:, None], None)
+        now = clearance(self.arm, near, self.barrier.obstacles).distance
+        here = [
+            _join(here[k], (near[k : k + 1], tilt[k : k + 1], now[k : k + 1])) if own[k] else here[k]
+            for k in range(len(rows))
+        ]
+        layers = [
+            self._price(_join(self.seen[i], here[k]), near[k], tilt[k]) for k, i in enumerate(rows.tolist())
+        ]
         usable = np.array([k for k, layer in enumerate(layers) if len(layer[0])], dtype=np.int64)
         cut = (np.diff(rows[usable]) > 1) | np.isinf(gaps[usable[1:]])
         for stretch in np.split(usable, 1 + np.flatnonzero(cut)):
@@ -126,23 +146,39 @@ class LeanSearch:
             found[stretch] = [lean[c] for lean, c in zip(leans, chain, strict=True)]
         return Leans(found, q, np.array([layer[3].max(initial=-np.inf) for layer in layers]))
 
-    def _candidates(
-        self, path: SprayPath, i: int, near: Array, own: bool, tilt: Array
-    ) -> tuple[Array, Array, Array, Array]:
-        """Find a point's candidates (k, joints), leans (k, 3), what each costs and keeps clear, (k,)."""
-        leans = np.concatenate(
-            [tilt[None], lean_cone(path.direction[i], [share * self.limit for share in SHARES], WAYS)]
-        )
-        leaned = tilt_path(repeat_point(path, i, len(leans)), leans, self.stand_off)
-        found = solve_grid(self.arm, compensate(self.arm, spray_pose(leaned), self.payload_kg), self.grid)
-        inside = self.arm.within_limits(found)
-        q, lean = found[inside], leans[np.nonzero(inside)[0]]
+    def _look_round(self, path: SprayPath, rows: NDArray[np.int64]) -> None:
+        """Look at the cone round planned points (m,) and keep what is seen: the plan does not change."""
+        if not rows.size:
+            return
+        angles = [share * self.limit for share in SHARES]
+        cones = np.stack([lean_cone(path.direction[i], angles, WAYS) for i in rows])
+        straight = compensate(self.arm, spray_pose(repeat_points(path, rows, 1)), self.payload_kg)
+        pose, row, _ = solve_inside(self.arm, straight, self.grid)
+        seen = self._look(path, rows, cones, spread_rolls(self.grid, pose, row, len(rows)))
+        self.seen.update(zip(rows.tolist(), seen, strict=True))
+
+    def _look(
+        self, path: SprayPath, rows: NDArray[np.int64], leans: Array, tried: NDArray[np.bool_] | None
+    ) -> list[View]:
+        """Find the clearest candidates of points (m,) leaned in some ways, (m, ways, 3)."""
+        m, ways = leans.shape[:2]
+        leaned = tilt_path(repeat_points(path, rows, ways), leans.reshape(-1, 3), self.stand_off)
+        T = compensate(self.arm, spray_pose(leaned), self.payload_kg)
+        mask = None if tried is None else np.repeat(tried, ways, axis=0)
+        pose, _, q = solve_inside(self.arm, T, self.grid, mask)
         rough = rough_clearance(self.arm, q, self.barrier.obstacles)
-        first = (-rough).argsort(kind="stable")[:LOOKED_AT]
-        q, lean = q[first], lean[first]
-        if own:
-            q, lean = np.concatenate([q, near[None]]), np.concatenate([lean, tilt[None]])
-        free = clearance(self.arm, q, self.barrier.obstacles).distance
+        point = pose // ways
+        order = np.lexsort((-rough, point))
+        place = np.arange(len(order)) - np.searchsorted(point[order], point[order])
+        best = order[place < LOOKED_AT]
+        free = clearance(self.arm, q[best], self.barrier.obstacles).distance
+        ends = np.searchsorted(point[best], np.arange(1, m))
+        parts = (np.split(each, ends) for each in (q[best], leans.reshape(-1, 3)[pose[best]], free))
+        return list(zip(*parts, strict=True))
+
+    def _price(self, view: View, near: Array, tilt: Array) -> tuple[Array, Array, Array, Array]:
+        """Price a point's candidates and keep the best: joints, leans, prices, clearances."""
+        q, lean, free = view
         price = own_cost(self.arm, self.cost, q) + LEAN_COST * (lean**2).sum(axis=1) / self.limit**2
         price += CHANGE_COST * ((lean - tilt) ** 2).sum(axis=1) / self.limit**2
         price += (self.cost.metric * (q - near) ** 2).sum(axis=1)
@@ -150,6 +186,10 @@ class LeanSearch:
         price += SHORT * np.maximum(self.wanted + AIMED - free, 0.0) ** 2
         best = price.argsort(kind="stable")[:KEPT]
         return q[best], lean[best], price[best], free[best]
+
+
+def _join(a: View, b: View) -> View:
+    return tuple(np.concatenate(pair) for pair in zip(a, b, strict=True))  # type: ignore[return-value]
 
 
 def lean_cone(direction: Array, angles: Sequence[float], ways: int) -> Array:
@@ -162,7 +202,7 @@ def lean_cone(direction: Array, angles: Sequence[float], ways: int) -> Array:
     return np.concatenate([np.zeros((1, 3)), *(angle * ring for angle in angles)])
 
 
-def repeat_point(path: SprayPath, i: int, count: int) -> SprayPath:
-    """Return one point of a path so many times over."""
+def repeat_points(path: SprayPath, rows: NDArray[np.int64], count: int) -> SprayPath:
+    """Return points (m,) of a path, each so many times over."""
     names = [name for name, shape in SprayPath.SHAPES.items() if shape[0] == "n"]
-    return replace(path, **{name: np.repeat(getattr(path, name)[i : i + 1], count, axis=0) for name in names})
+    return replace(path, **{name: np.repeat(getattr(path, name)[rows], count, axis=0) for name in names})

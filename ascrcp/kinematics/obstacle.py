@@ -124,14 +124,12 @@ class Obstacles:
 
     def distance(self, points: Array) -> Array:
         """Read the distance of base-frame points (..., 3) to the heading, linear between nodes; (...)."""
-        u = self._nodes(points.reshape(-1, 3))
-        found = map_coordinates(self.field, u.T, order=1, mode="nearest", prefilter=False)
+        found = map_coordinates(self.field, self._nodes(points), order=1, mode="nearest", prefilter=False)
         return np.asarray(found, dtype=float).reshape(points.shape[:-1])
 
     def near(self, points: Array) -> Array:
         """Read the distance at the nearest node: quick, wrong by up to half a cell's diagonal; (...)."""
-        index = self._index(points.reshape(-1, 3))
-        return self.field.reshape(-1)[index].reshape(points.shape[:-1]).astype(float)
+        return self.field.reshape(-1)[self._index(points)].reshape(points.shape[:-1]).astype(float)
 
     def kind_at(self, points: Array) -> NDArray[np.uint8]:
         """Tell what points (m, 3) of the base frame are nearest to."""
@@ -143,10 +141,10 @@ class Obstacles:
         step = 0.5
         slope = np.empty((len(points), 3))
         for axis in range(3):
-            shift = np.zeros(3)
+            shift = np.zeros((3, 1))
             shift[axis] = step
             ahead, behind = (
-                map_coordinates(self.field, (u + sign * shift).T, order=1, mode="nearest", prefilter=False)
+                map_coordinates(self.field, u + sign * shift, order=1, mode="nearest", prefilter=False)
                 for sign in (1.0, -1.0)
             )
             slope[:, axis] = ahead - behind
@@ -157,13 +155,18 @@ class Obstacles:
         return slope @ self.T_tunnel_base[:3, :3]
 
     def _nodes(self, points: Array) -> Array:
-        return (apply_transform(self.T_tunnel_base, points) - self.low) / self.cell
+        """Nodes of base-frame points (..., 3), component by component, shape (3, m)."""
+        flat = np.moveaxis(points, -1, 0).reshape(3, -1)
+        offset = (self.T_tunnel_base[:3, 3] - self.low) / self.cell
+        return np.asarray((self.T_tunnel_base[:3, :3] / self.cell) @ flat + offset[:, None])
 
     def _index(self, points: Array) -> NDArray[np.int64]:
-        i = np.rint(self._nodes(points)).astype(np.int64)
-        shape = self.field.shape
-        i = np.clip(i, 0, np.array(shape) - 1)
-        return np.asarray((i[:, 0] * shape[1] + i[:, 1]) * shape[2] + i[:, 2])
+        """Places of the nearest nodes in the flattened field, shape (m,)."""
+        u = np.rint(self._nodes(points))
+        ns, ny, nz = self.field.shape
+        for row, count in zip(u, (ns, ny, nz), strict=True):
+            np.clip(row, 0, count - 1, out=row)
+        return np.asarray(((u[0] * ny + u[1]) * nz + u[2]).astype(np.int64))
 
 
 def _find_bodies(surface: Surface, room: Room, arm: Arm, scan_q: ArrayLike) -> Array:

@@ -80,7 +80,7 @@ class PathSolver:
         start: Joint vector the arm comes from, shape (joints,).
         wanted_tilt: Rotation vectors that single points asked for [rad], base frame, shape (n, 3).
         tilt: From planned to solved: these, smoothed along the path, shape (n, 3).
-        obstacles, barrier: Surroundings, None if there are none.
+        obstacles, barrier, search: Surroundings, None if there are none.
         emphasis: Weight of keeping each link clear, shape (n, links).
         promise: Most clearance the whole cone of directions was seen to give [m], infinite if not looked
             at, shape (n,).
@@ -106,7 +106,21 @@ class PathSolver:
         self.cut = np.zeros(len(path), dtype=bool)
         self.promise = np.full(len(path), np.inf)
         self.emphasis = np.zeros((len(path), 0))
-        if self.barrier is not None:
+        self.search: LeanSearch | None = None
+        clear = arm.description.clearance
+        if self.barrier is not None and clear is not None:
+            limit = float(np.radians(clear.tilt_limit_deg))
+            self.search = LeanSearch(
+                arm,
+                model,
+                self.cost,
+                make_grid(arm, model),
+                self.barrier,
+                clear.wanted,
+                limit,
+                STAND_OFF,
+                payload_kg,
+            )
             self.emphasis = no_emphasis(self.barrier, len(path))
 
     def solve(self, report: Progress) -> tuple[Array, Array]:
@@ -263,18 +277,14 @@ class PathSolver:
 
         Where that gains nothing in a stretch, it stays as it was.
         """
-        model, barrier = self.arm.description.clearance, self.barrier
-        if model is None or barrier is None:
+        model, search = self.arm.description.clearance, self.search
+        if model is None or search is None:
             return q
         before = self._free(q)
         low = np.minimum(model.wanted - model.cell / LOW_SHARE, self.promise - PROMISE_KEPT)
         rows = np.flatnonzero(before < low)
         if not rows.size:
             return q
-        grid, limit = make_grid(self.arm, self.model), float(np.radians(model.tilt_limit_deg))
-        search = LeanSearch(
-            self.arm, self.model, self.cost, grid, barrier, model.wanted, limit, STAND_OFF, self.payload_kg
-        )
         gaps = distances(self.T, self.model.far)
         strokes = np.cumsum(~np.isfinite(gaps))
         self.emphasis = self.emphasis.copy()

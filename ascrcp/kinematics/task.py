@@ -63,7 +63,7 @@ class TaskError:
 
 def compute_error(arm: Arm, T: Array, q: Array) -> TaskError:
     """Compare the tool's position and direction at q (n, joints) with targets T (n, 4, 4)."""
-    reached, J = arm.forward(q), arm.jacobian(q)
+    reached, J = arm.pose_and_jacobian(q)
     d = reached[:, :3, 0]
     residual = np.empty((len(q), 5))
     jacobian = np.empty((len(q), 5, arm.n))
