@@ -1,0 +1,104 @@
+"""The simulated spray: nothing is lost unaccounted, it lands where it aims, and a second scan sees it."""
+
+import numpy as np
+import pytest
+
+from ascrcp.core.config import load
+from ascrcp.core.flow import JointSequence
+from ascrcp.core.geometry import apply_transform
+from ascrcp.core.paths import CONFIG
+from ascrcp.simulation.bare_wall import Bare, grow_heading, lay_bare
+from ascrcp.simulation.deposition import DepositionConfig, Sprayer, load_deposition
+from ascrcp.simulation.heading import Heading, build_heading
+from ascrcp.simulation.tunnel import TunnelConfig
+
+PUMP = 20.0 / 3600.0
+OVERLAY = {"bodies": [], "pockets": {"count": 1}, "arches": {"count": 1}, "length": {"rear": -3.0}}
+
+
+@pytest.fixture(scope="module")
+def heading() -> Heading:
+    tunnel = load(CONFIG / "simulation" / "tunnel.yaml", TunnelConfig, OVERLAY)
+    return build_heading(tunnel, np.random.default_rng(3))
+
+
+@pytest.fixture(scope="module")
+def bare(heading: Heading) -> Bare:
+    return lay_bare(heading, 0.05, 0.15)
+
+
+def config(**overlay: object) -> DepositionConfig:
+    return load(CONFIG / "simulation" / "deposition.yaml", DepositionConfig, overlay)
+
+
+def aim(heading: Heading, station: float, phi_deg: float, seconds: float, flow: float = 1.0) -> JointSequence:
+    """Stand 1 m before a place of the wall and spray it squarely."""
+    T, phi = heading.truth.axis.T_base_tunnel, np.radians(phi_deg)
+    outward = np.array([0.0, -np.cos(phi), np.sin(phi)])
+    place = apply_transform(T, (np.array([station, 0.0, 0.0]) + 4.9 * outward)[None])
+    t = np.array([0.0, seconds, seconds + 5.0])
+    return JointSequence(
+        t=t,
+        q=np.zeros((3, 8)),
+        position=np.tile(place, (3, 1)),
+        direction=np.tile(T[:3, :3] @ outward, (3, 1)),
+        point=np.full(3, -1),
+        spraying=np.array([True, False, False]),
+        flow=np.array([flow, 0.0, 0.0]),
+    )
+
+
+def test_every_drop_is_accounted_for(heading: Heading, bare: Bare) -> None:
+    sprayer = Sprayer(bare, load_deposition(), np.random.default_rng(1))
+    station = heading.truth.arches[0].station - 0.12
+    grown = sprayer.spray(aim(heading, station, 60.0, 6.0, 0.5), heading.truth.axis.T_base_tunnel, PUMP)
+    assert grown.pumped == pytest.approx(6.0 * 0.5 * PUMP, rel=0.03)
+    cell = (bare.station[1] - bare.station[0]) * (bare.along[1] - bare.along[0])
+    radius = bare.profile.arcs[0].radius
+    rock = (grown.rock * (1.0 + bare.rock / radius)).sum() * cell
+    flange = (grown.flange * (1.0 + np.nan_to_num(bare.flange) / radius)).sum() * cell
+    kept = rock + flange + grown.behind + grown.rebound + grown.missed
+    assert kept == pytest.approx(grown.pumped, rel=0.02)
+    assert flange > 0.02 * grown.pumped and 0.15 < grown.rebound / grown.pumped < 0.45
+
+
+def test_the_layer_lies_where_the_nozzle_aims(heading: Heading, bare: Bare) -> None:
+    station = heading.truth.unsprayed[0] + 0.5
+    quiet = config(aim_error_m=0.0, deviation_m=[0.1, 0.1])
+    sprayer = Sprayer(bare, quiet, np.random.default_rng(1))
+    grown = sprayer.spray(aim(heading, station, 100.0, 3.0), heading.truth.axis.T_base_tunnel, PUMP)
+    weight = grown.rock / grown.rock.sum()
+    middle = (weight.sum(axis=1) * bare.station).sum()
+    assert middle == pytest.approx(station, abs=0.03)
+    phi = np.degrees(bare.profile.angle(bare.along))
+    assert (weight.sum(axis=0) * phi).sum() == pytest.approx(100.0, abs=0.5)
+    spread = np.sqrt((weight.sum(axis=1) * (bare.station - middle) ** 2).sum())
+    assert spread == pytest.approx(0.10, abs=0.03)
+
+
+def test_the_pump_lags_and_nothing_flows_before(heading: Heading, bare: Bare) -> None:
+    slow = Sprayer(bare, config(pump_lag_s=[3.0, 3.0]), np.random.default_rng(1))
+    fast = Sprayer(bare, config(pump_lag_s=[0.05, 0.05]), np.random.default_rng(1))
+    T = heading.truth.axis.T_base_tunnel
+    short = aim(heading, heading.truth.unsprayed[0] + 0.5, 100.0, 1.0)
+    a, b = (s.spray(short, T, PUMP).pumped for s in (slow, fast))
+    assert a < 0.85 * b
+
+
+def test_same_seed_same_wall(heading: Heading, bare: Bare) -> None:
+    one = aim(heading, heading.truth.unsprayed[0] + 0.6, 70.0, 2.0)
+    T = heading.truth.axis.T_base_tunnel
+    a, b = (Sprayer(bare, load_deposition(), np.random.default_rng(5)).spray(one, T, PUMP) for _ in range(2))
+    assert a.rock.tobytes() == b.rock.tobytes() and a.rebound == b.rebound
+
+
+def test_a_second_look_finds_the_layer(heading: Heading, bare: Bare) -> None:
+    layer = np.full(bare.rock.shape, 0.05)
+    moved = grow_heading(heading, bare, layer, np.where(np.isfinite(bare.flange), 0.02, 0.0))
+    again = lay_bare(moved, 0.05, 0.15)
+    first = heading.truth.unsprayed[0]
+    on = (bare.station[:, None] > first + 0.2) & (bare.station[:, None] < bare.face - 0.3)
+    on = on & np.isnan(bare.flange) & np.isnan(again.flange)
+    assert np.median((bare.rock - again.rock)[on]) == pytest.approx(0.05, abs=0.003)
+    both = np.isfinite(bare.flange) & np.isfinite(again.flange)
+    assert np.median((bare.flange - again.flange)[both]) == pytest.approx(0.02, abs=0.003)
