@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from ascrcp.control.steer_config import SteerConfig
 from ascrcp.control.steer_pose import find_joints
@@ -48,6 +50,8 @@ class SteerPlan:
         node: Steerable nodes, shape (r, a).
         cross: Whether the nozzle may cross from row i to i + 1 in this column, shape (r - 1, a).
         point: Nearest planned point of each node, -1 if none, shape (r, a).
+        area: Number of the connected area each node lies in, -1 outside, shape (r, a): from one to
+            another the stick does not get.
     """
 
     angle: Array
@@ -57,9 +61,14 @@ class SteerPlan:
     node: NDArray[np.bool_]
     cross: NDArray[np.bool_]
     point: NDArray[np.int64]
+    area: NDArray[np.int64]
 
-    def nearest(self, position: Array) -> tuple[int, int]:
+    def nearest(self, position: Array, left: frozenset[int] = frozenset()) -> tuple[int, int]:
         """Return row and column of the steerable node nearest to a nozzle position [m].
+
+        Args:
+            position: Of the nozzle, base frame, shape (3,).
+            left: Areas the operator has left for another; all count again once all have been left.
 
         Raises:
             InputError: No node is steerable.
@@ -68,6 +77,9 @@ class SteerPlan:
             raise InputError("no part of the plan can be steered: no two neighbouring points are solved")
         distance = np.linalg.norm(self.position - position, axis=-1)
         distance[~self.node] = np.inf
+        others = self.node & ~np.isin(self.area, list(left))
+        if others.any():
+            distance[~others] = np.inf
         row, column = np.unravel_index(int(distance.argmin()), distance.shape)
         return int(row), int(column)
 
@@ -107,8 +119,25 @@ def build_steer_plan(
     mesh.settle(None)
     mesh.relax()
     mesh.settle(clear)
+    mesh.tear(clear)
     cross = mesh.bridge(clear)
-    return SteerPlan(angle, mesh.q, mesh.position, mesh.direction, mesh.node, cross, mesh.point)
+    area = find_areas(mesh.node, cross)
+    return SteerPlan(angle, mesh.q, mesh.position, mesh.direction, mesh.node, cross, mesh.point, area)
+
+
+def find_areas(node: NDArray[np.bool_], cross: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Number the connected areas of a mesh, the largest 0; -1 outside, shape (r, a)."""
+    number = np.arange(node.size).reshape(node.shape)
+    along = node[:, :-1] & node[:, 1:]
+    a = np.concatenate([number[:, :-1][along], number[:-1][cross]])
+    b = np.concatenate([number[:, 1:][along], number[1:][cross]])
+    links = coo_matrix((np.ones(len(a), np.int8), (a, b)), shape=(node.size, node.size))
+    label = connected_components(links, directed=False)[1].reshape(node.shape)
+    found, counts = np.unique(label[node], return_counts=True)
+    area = np.full(node.shape, -1, np.int64)
+    for rank, name in enumerate(found[np.argsort(-counts, kind="stable")]):
+        area[node & (label == name)] = rank
+    return area
 
 
 def _arc_radius(path: SprayPath, index: NDArray[np.int64]) -> Array:
@@ -207,6 +236,22 @@ class _Mesh:
         self.q[node] = relax_joints(
             self._arm, self.q[node], self.position[node], self.direction[node], edges, self._payload
         )
+
+    def tear(self, clear: Clear | None) -> None:
+        """Take a node out of a row where the next is not reached from it: at the seam, on another branch."""
+        with np.errstate(invalid="ignore"):
+            same = (np.abs(self.q[:, 1:] - self.q[:, :-1]) <= self._branch).all(-1)
+        joined = np.asarray(self.node[:, :-1] & self.node[:, 1:])
+        tried = joined & same
+        q, position, direction = (
+            0.5 * (values[:, :-1] + values[:, 1:])[tried]
+            for values in (self.q, self.position, self.direction)
+        )
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        sound = np.zeros_like(joined)
+        sound[tried] = self._solve(q, position, direction, clear)[1]
+        self.node[:, 1:][joined & ~sound] = False
+        self.q[~self.node] = np.nan
 
     def bridge(self, clear: Clear | None) -> NDArray[np.bool_]:
         """Tell where the nozzle may cross between neighbouring rows: one branch, all the way reachable."""

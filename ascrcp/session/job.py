@@ -20,6 +20,7 @@ from ascrcp.session.state import Mode, Step
 from ascrcp.session.steering import SteerOrder, prepare_obstacles, prepare_plan
 from ascrcp.session.store import write_json, write_scan
 from ascrcp.session.trace import TraceCollector
+from ascrcp.session.wall_layer import read_predicted
 from ascrcp.session.wording import say_chinese
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class Desk:
         self.planned = 0
         self.steer_plan: SteerPlan | None = None
         self.steer_node = (0, 0)
+        self.left_areas: frozenset[int] = frozenset()
 
     def nozzle(self, q: Array) -> Array:
         """Nozzle pose the measured joints mean, with the sag of the boom; (8,) -> (4, 4)."""
@@ -53,6 +55,7 @@ class Desk:
         self.sequence = loaded.sequence
         self.planned = loaded.planned
         self.steer_plan = None
+        self.left_areas = frozenset()
         self.points = int((loaded.sequence.point >= 0).sum())
         self.begin_again()
 
@@ -77,6 +80,20 @@ class Desk:
         """Note which planned points the stick has sprayed at, each once."""
         self._visited |= self.session.setup.stick.tracker.visited
         self.reached = len(self._visited)
+
+    def leave_area(self) -> None:
+        """Let the next semi-automatic start lie in another area; once all were left, all count again."""
+        plan = self.steer_plan
+        if plan is None:
+            self.session.announce("Go to the start first.", "请先运动至初始点。", failure=True)
+            return
+        left = self.left_areas | {int(plan.area[self.steer_node])}
+        count = int(plan.area.max()) + 1
+        self.left_areas = left if len(left) < count else frozenset()
+        self.session.announce(
+            f"Step 4 goes to another area ({len(left) % count + 1} of {count}).",
+            f"第 4 步将前往另一区域（{len(left) % count + 1}/{count}）。",
+        )
 
     def loaded(self) -> JointSequence:
         """Return the loaded sequence.
@@ -205,6 +222,7 @@ def recognise_and_solve(desk: Desk) -> None:
             share=(0.75, 1.0),
         )
     session.show(solved=solution.solved, clearance=solution.clearance)
+    session.show(predicted=session.run_compute(read_predicted, folder.folder, share=(1.0, 1.0)))
     session.announce(
         f"Joints solved: {int(solution.solved.sum())} of {len(solution.solved)} points.",
         f"运动学解算完成：{int(solution.solved.sum())}/{len(solution.solved)} 个点。",
@@ -258,7 +276,8 @@ def _nearest_pose(desk: Desk) -> Array:
             share=(0.0, 0.0),
         )
     plan = desk.steer_plan
-    desk.steer_node = plan.nearest(desk.nozzle(np.array(session.measured_q()))[:3, 3])
+    tip = desk.nozzle(np.array(session.measured_q()))[:3, 3]
+    desk.steer_node = plan.nearest(tip, desk.left_areas)
     return np.array(plan.q[desk.steer_node])
 
 

@@ -44,8 +44,7 @@ class Session:
     def __init__(self, setup: Setup, round_: Round) -> None:
         self.arm = setup.arm
         self.round = round_
-        self.setup = setup
-        self.site = setup.plant
+        self.setup, self.site = setup, setup.plant
         if not setup.lockstep:
             favour_application()
         self._lock = threading.Lock()
@@ -79,6 +78,7 @@ class Session:
         self.run_motion, self.run_scan = self._operation.run_motion, self._operation.run_scan
         self.run_steering, self.put_stick = self._operation.run_steering, setup.stick.put
         self.desk = Desk(self)
+        self.leave_area = self.desk.leave_area
         self._driver.start()
         threading.Thread(target=self.compute.start, name="ascrcp-warm-up", daemon=True).start()
 

@@ -24,7 +24,7 @@ from ascrcp.session.stages import find_obstacles
 ROUNDING_M = 0.01
 """The mesh lies between the planned points; so much less clearance than theirs is let pass [m]."""
 
-PLAN_ARRAYS = ("angle", "q", "position", "direction", "node", "cross", "point")
+PLAN_ARRAYS = ("angle", "q", "position", "direction", "node", "cross", "point", "area")
 
 Kind = Literal["plan", "nozzle", "joint"]
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from ascrcp.control.steer import Steering, SteerStatus, shape_stick, stopping_speed
 from ascrcp.control.steer_config import load_steer_config
-from ascrcp.control.steer_plan import SteerPlan
+from ascrcp.control.steer_plan import SteerPlan, find_areas
 from ascrcp.control.steer_pose import find_joints
 from ascrcp.control.steer_relax import relax_joints
 from ascrcp.control.steer_surface import Spot, SteerSurface
@@ -49,7 +49,7 @@ def make_plan() -> SteerPlan:
     q[HOLE] = np.nan
     cross = node[:-1] & node[1:]
     point = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
-    return SteerPlan(angle, q, position, direction, node, cross, point)
+    return SteerPlan(angle, q, position, direction, node, cross, point, find_areas(node, cross))
 
 
 PLAN = make_plan()
@@ -178,3 +178,41 @@ def test_relaxed_joints_reach_the_same_poses_and_differ_less() -> None:
     assert np.linalg.norm(T[:, :3, 3] - position, axis=1).max() < 1e-3
     a, b = edges.T
     assert np.square(calm[a] - calm[b]).sum() < 0.8 * np.square(rough[a] - rough[b]).sum()
+
+
+def test_areas_are_what_the_stick_can_reach() -> None:
+    """Two nodes lie in one area just if a walk over free nodes and crossings joins them."""
+    rng = np.random.default_rng(7)
+    node = rng.uniform(size=(6, 25)) < 0.7
+    cross = node[:-1] & node[1:] & (rng.uniform(size=(5, 25)) < 0.5)
+    area = find_areas(node, cross)
+    assert ((area >= 0) == node).all()
+    same = area[:, :-1] == area[:, 1:]
+    assert same[node[:, :-1] & node[:, 1:]].all()
+    assert (area[:-1] == area[1:])[cross].all()
+    for number in range(area.max() + 1):
+        reached = {tuple(np.argwhere(area == number)[0])}
+        front = list(reached)
+        while front:
+            r, c = front.pop()
+            steps = [(r, c - 1), (r, c + 1)]
+            steps += [(r + 1, c)] if r < 5 and cross[r, c] else []
+            steps += [(r - 1, c)] if r > 0 and cross[r - 1, c] else []
+            for place in steps:
+                if 0 <= place[1] < 25 and node[place] and place not in reached:
+                    reached.add(place)
+                    front.append(place)
+        assert len(reached) == (area == number).sum()
+
+
+def test_another_area_is_offered_until_all_were_left() -> None:
+    plan = PLAN
+    split = plan.area.copy()
+    split[2:][plan.node[2:]] = 1
+    cut = SteerPlan(
+        plan.angle, plan.q, plan.position, plan.direction, plan.node, plan.cross, plan.point, split
+    )
+    here = plan.position[0, 5]
+    assert cut.nearest(here) == (0, 5)
+    assert cut.nearest(here, frozenset({0}))[0] == 2
+    assert cut.nearest(here, frozenset({0, 1})) == (0, 5)

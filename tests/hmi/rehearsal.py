@@ -211,6 +211,9 @@ class Rehearsal:
             raise RefusedError(reason.value[0])
         self.job = state.start_jog(self.job)
 
+    def leave_area(self) -> None:
+        self._announce("Another area", "另一区域")
+
     def finish_steering(self) -> None:
         self.job = state.end_jog(self.job)
 

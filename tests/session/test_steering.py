@@ -330,3 +330,14 @@ def test_a_steered_run_replays_bit_by_bit(
 def test_scripted_stick_is_a_joystick() -> None:
     stick = ScriptedStick()
     assert stick.read(0).lost and stick.is_present
+
+
+def test_neighbouring_nodes_are_on_one_branch_and_in_range(plan: SteerPlan, surveyed: Arm) -> None:
+    """Nowhere on the mesh, not at the seam either, does a joint have to turn on the spot."""
+    limit = np.where(surveyed.prismatic, STEER.branch_m, STEER.branch_rad)
+    joined = plan.node[:, :-1] & plan.node[:, 1:]
+    assert (np.abs(plan.q[:, 1:] - plan.q[:, :-1])[joined] <= limit).all()
+    assert (np.abs(plan.q[1:] - plan.q[:-1])[plan.cross] <= limit).all()
+    assert surveyed.within_limits(plan.q[plan.node]).all()
+    assert np.isnan(plan.q[~plan.node]).all()
+    assert plan.node.sum() > 700, "most of the planned points can be steered to"
