@@ -90,14 +90,14 @@ class Jog:
         return False
 
     def _keeps_clear(self, q: Array) -> bool:
-        """Look at the clearance every few cycles; nearer than allowed it may only grow."""
+        """Look at the clearance: every few cycles while far, in every one near; there it may only grow."""
         self._cycle += 1
-        if self._distance is None or (self._cycle - 1) % self._config.clearance_every:
+        is_far = self._room > 2.0 * self._config.clearance_m
+        if self._distance is None or (is_far and self._cycle % self._config.clearance_every):
             return True
         room = self._distance(q)
         allowed = room >= self._config.clearance_m or room > self._room
-        if allowed:
-            self._room = room
+        self._room = room if allowed else self._distance(self._q)
         return allowed
 
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from ascrcp.control.steer import Steering, SteerStatus, shape_stick, stopping_speed
 from ascrcp.control.steer_config import load_steer_config
+from ascrcp.control.steer_jog import CartesianJog, JointJog
 from ascrcp.control.steer_plan import SteerPlan, find_areas
 from ascrcp.control.steer_pose import find_joints
 from ascrcp.control.steer_relax import relax_joints
@@ -216,3 +217,45 @@ def test_another_area_is_offered_until_all_were_left() -> None:
     assert cut.nearest(here) == (0, 5)
     assert cut.nearest(here, frozenset({0}))[0] == 2
     assert cut.nearest(here, frozenset({0, 1})) == (0, 5)
+
+
+def wall_at(x: float):
+    """Distance of the nozzle from a plane across the tunnel [m]."""
+    return lambda q: x - float(ARM.forward(q)[0, 3])
+
+
+@pytest.mark.parametrize("kind", ["nozzle", "joint"])
+def test_a_jog_comes_no_nearer_than_allowed_but_goes_away_again(kind: str) -> None:
+    """F18: clearance is looked at while jogging."""
+    q = np.array([-0.3, 0.1, 0.8, 0.1, 0.1, 0.8, 2.0, 1.5])
+    start = float(ARM.forward(q)[0, 3])
+    distance = wall_at(start + CONFIG.clearance_m + 0.05)
+    jog = (
+        CartesianJog(ARM, CONFIG, 0.0, distance)
+        if kind == "nozzle"
+        else JointJog(ARM, 3, CONFIG, 0.0, distance)
+    )
+    jog.begin(q)
+    push = (0.0, 1.0) if kind == "nozzle" else (1.0, 0.0)
+    seen = set()
+    for _ in range(400):
+        now = jog.step(*push, 1.0)
+        seen.add(jog.status)
+    most = 0.02  # what a tenth of a second between two looks can add
+    assert SteerStatus.NEAR in seen
+    assert CONFIG.clearance_m - most <= distance(np.array(now.q)) <= CONFIG.clearance_m + 0.04
+    for _ in range(200):
+        now = jog.step(-push[0], -push[1], 1.0)
+    assert distance(np.array(now.q)) > CONFIG.clearance_m + 0.05
+
+
+def test_a_jog_stops_at_the_end_of_a_joint_and_comes_back() -> None:
+    q = np.array([-0.3, 0.1, 1.88, 0.1, 0.1, 0.8, 2.0, 1.5])
+    jog = JointJog(ARM, 3, CONFIG)
+    jog.begin(q)
+    for _ in range(300):
+        now = jog.step(1.0, 0.0, 1.0)
+    assert jog.status is SteerStatus.LIMIT and 1.88 < now.q[2] <= 1.9
+    for _ in range(100):
+        now = jog.step(-1.0, 0.0, 1.0)
+    assert now.q[2] < 1.88
