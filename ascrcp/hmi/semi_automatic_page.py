@@ -19,6 +19,8 @@ from ascrcp.session.state import Mode, Step
 
 LEVER_STEP = 0.1
 """Of full flow, one press on the spray buttons; placeholder."""
+HINT_PX = 44
+"""Two lines [px], so that the pad stays where it is."""
 BUTTONS = (
     ("semi_finish", "semi_area", "semi_jog", "semi_axis"),
     ("semi_spray_more", "semi_spray_less", "semi_spray_none"),
@@ -43,6 +45,7 @@ class SemiAutomaticPage(Page):
         self._is_lifting = self._is_stick = self._is_front = False
         self.pad = StickPad(screen)
         self.hint = make_label("small", wrap=True, centred=True)
+        self.hint.setFixedHeight(HINT_PX)
         self.status = make_label("number", wrap=True)
         self.enabled, self.lever, self.stick = (make_label("value") for _ in range(3))
         self.note = make_label("small", wrap=True)
