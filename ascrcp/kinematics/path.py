@@ -112,8 +112,8 @@ def _finish(solver: PathSolver, q: Array, best: Array) -> PathSolution:
     solved = np.isfinite(q[:, 0])
     reasons = tuple(None if solved[i] else explain_failure(arm, best[i], obstacles) for i in range(n))
     theta1, free = np.full(n, np.nan), np.full(n, np.nan)
-    theta1[solved] = find_roll(solver.T[solved], arm.forward(q[solved]))
+    theta1[solved] = find_roll(solver.aim.T[solved], arm.forward(q[solved]))
     if obstacles is not None and solved.any():
         free[solved] = clearance(arm, q[solved], obstacles).distance
-    tilt = np.linalg.norm(solver.tilt, axis=1)
-    return PathSolution(q, theta1, reasons, solver.find_breaks(q), solver.path, tilt, free)
+    tilt = np.linalg.norm(solver.aim.tilt, axis=1)
+    return PathSolution(q, theta1, reasons, solver.find_breaks(q), solver.aim.path, tilt, free)

@@ -7,29 +7,21 @@ from numpy.typing import NDArray
 
 from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array
+from ascrcp.kinematics.aim import Aim
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import make_barrier, no_emphasis
 from ascrcp.kinematics.candidate import make_grid
 from ascrcp.kinematics.clearance import clearance
-from ascrcp.kinematics.description import ClearanceModel, PathModel
-from ascrcp.kinematics.feedback import (
-    add_tilt,
-    find_lever,
-    raise_weights,
-    soften_tilt,
-    split_collisions,
-    spread_tilt,
-    tilt_path,
-)
+from ascrcp.kinematics.description import PathModel
+from ascrcp.kinematics.feedback import find_lever, raise_weights, split_collisions
 from ascrcp.kinematics.first import TASK_TOLERANCE, FirstChain, is_reroll
 from ascrcp.kinematics.lean import LeanSearch
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.rescue import INSIST, Rescue, nearest_solved
-from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.seam import TURN, find_seam_tilt
 from ascrcp.kinematics.smooth import Keeper, make_cost, smooth_chain
 from ascrcp.kinematics.spacing import STAND_OFF, distances
-from ascrcp.kinematics.task import compute_error, project_task, spray_pose
+from ascrcp.kinematics.task import compute_error, project_task
 
 Progress = Callable[[float], None]
 
@@ -63,9 +55,6 @@ PROMISE_KEPT = 0.005
 BESIDE = 2
 """Neighbours that may change their posture and lean together with a point too near; placeholder."""
 
-SOFTENED = 3
-"""Points to either side over which a tilt is smoothed; placeholder."""
-
 
 class PathSolver:
     """One path being solved.
@@ -73,13 +62,8 @@ class PathSolver:
     Attributes:
         arm, model: The machine.
         cost: Its weights.
-        planned: The path as planned.
-        path: The path as it is solved: tilted where it must be.
-        payload_kg: Concrete in the hose, for the sag.
-        T: Its poses raised by the sag, theta1 = 0, shape (n, 4, 4).
+        aim: The path as planned and as it is solved: leaned where it must be.
         start: Joint vector the arm comes from, shape (joints,).
-        wanted_tilt: Rotation vectors that single points asked for [rad], base frame, shape (n, 3).
-        tilt: From planned to solved: these, smoothed along the path, shape (n, 3).
         obstacles, barrier, search: Surroundings, None if there are none.
         emphasis: Weight of keeping each link clear, shape (n, links).
         promise: Most clearance the whole cone of directions was seen to give [m], infinite if not looked
@@ -97,10 +81,8 @@ class PathSolver:
         obstacles: Obstacles | None,
     ) -> None:
         self.arm, self.model, self.cost = arm, model, make_cost(arm, model)
-        self.planned = self.path = path
-        self.payload_kg, self.start = payload_kg, start
-        self.T = compensate(arm, spray_pose(path), payload_kg)
-        self.tilt = self.wanted_tilt = np.zeros((len(path), 3))
+        self.start = start
+        self.aim = Aim(arm, path, payload_kg, model.far)
         self.obstacles = obstacles
         self.barrier = None if obstacles is None else make_barrier(arm, obstacles)
         self.cut = np.zeros(len(path), dtype=bool)
@@ -130,8 +112,8 @@ class PathSolver:
             Joint vectors, NaN where unsolved (n, joints), and the best posture found by itself for
             every point that was unsolved on the way (n, joints), which tells why it failed.
         """
-        first = FirstChain(self.arm, self.model, self.cost, self.T, self.start, self.barrier)
-        q = first.find(distances(self.T, self.model.far), report)
+        first = FirstChain(self.arm, self.model, self.cost, self.aim.T, self.start, self.barrier)
+        q = first.find(self.aim.gaps, report)
         q = self.keep_good(self.smooth(q, report, 0.5, 0.65))
         q, best = self.rescue(self.keep_least(self.keep_clear(self.keep_side(q, report), report)), report)
         if self.barrier is not None:  # points that came back by themselves have had no feedback yet
@@ -148,12 +130,8 @@ class PathSolver:
 
     def _beside(self, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mark all points of the strokes that hold a marked one."""
-        strokes = self._strokes()
+        strokes = self.aim.strokes
         return np.isin(strokes, strokes[marked])
-
-    def _strokes(self) -> NDArray[np.int64]:
-        """Number the strokes that are sprayed through, shape (n,)."""
-        return np.cumsum(~np.isfinite(distances(self.T, self.model.far)))
 
     def _settle(
         self, turned: Array, q: Array, report: Progress, only: NDArray[np.bool_] | None = None
@@ -169,7 +147,7 @@ class PathSolver:
         """
         lost = ~np.isfinite(q[:, 0])
         differs = ~(np.abs(q - spare).max(axis=1) <= SAME) & np.isfinite(spare[:, 0])
-        stretch = np.cumsum(np.diff(differs, prepend=False) | ~np.isfinite(distances(self.T, self.model.far)))
+        stretch = np.cumsum(np.diff(differs, prepend=False) | ~np.isfinite(self.aim.gaps))
         taken = differs & (np.bincount(stretch, lost)[stretch] > 0)
         return np.where(taken[:, None], spare, q)
 
@@ -192,7 +170,7 @@ class PathSolver:
         smoothed[live] = smooth_chain(
             self.arm,
             self.cost,
-            self.T[live],
+            self.aim.T[live],
             q[live],
             self._gaps(q[live], live),
             self.model.curvature_weight,
@@ -212,10 +190,10 @@ class PathSolver:
         live = np.flatnonzero(np.isfinite(q[:, 0]))
         if model is None or self.obstacles is None or not live.size:
             return q
-        stops = ~np.isfinite(distances(self.T[live], self.model.far))
-        for mark in (self.path.bay, self.path.overbreak):
+        stops = ~np.isfinite(distances(self.aim.T[live], self.model.far))
+        for mark in (self.aim.path.bay, self.aim.path.overbreak):
             stops[1:] |= np.diff(mark[live].astype(np.int64)) != 0
-        more = np.zeros_like(self.tilt)
+        more = np.zeros_like(self.aim.tilt)
         for i in full[~self.arm.prismatic[full]]:
             wanted, more[live] = find_seam_tilt(
                 q[live, i],
@@ -225,13 +203,13 @@ class PathSolver:
                 TURN / float(self.arm.max_speed[i]),
                 stops,
                 self.arm.jacobian(q[live])[:, 3:, i],
-                self.path.direction[live],
+                self.aim.path.direction[live],
             )
             if not more.any():
                 continue
             q = q.copy()
             q[live, i] = wanted
-            self._tilt(more, model)
+            self.aim.lean(more, model)
             q = self.keep_good(self.smooth(q, report, 0.65, 0.65, FEEDBACK_SMOOTHING))
         return q
 
@@ -249,28 +227,14 @@ class PathSolver:
             if not short.any():
                 break
             self.emphasis[live] = raise_weights(self.emphasis[live], avoidable)
-            pivot = self.path.position[live] + STAND_OFF * self.path.direction[live]
-            more = np.zeros_like(self.tilt)
+            pivot = self.aim.path.position[live] + STAND_OFF * self.aim.path.direction[live]
+            more = np.zeros_like(self.aim.tilt)
             more[live] = find_lever(barrier.obstacles, sight, tied, pivot, model.wanted)
-            self._tilt(more, model)
+            self.aim.lean(more, model)
             begin = 0.65 + 0.1 * done / FEEDBACK_ROUNDS
             end = begin + 0.1 / FEEDBACK_ROUNDS
             q = self.keep_good(self.smooth(q, report, begin, end, FEEDBACK_SMOOTHING, self._beside(short)))
         return q
-
-    def _tilt(self, more: Array, model: ClearanceModel) -> None:
-        step, limit = np.radians(model.tilt_step_deg), np.radians(model.tilt_limit_deg)
-        asked = np.asarray(more.any(axis=1))
-        raised = add_tilt(self.tilt, more, self.planned.direction, step, limit)
-        self.wanted_tilt = np.where(asked[:, None], raised, self.wanted_tilt)
-        strokes = self._strokes()
-        self.tilt = soften_tilt(spread_tilt(self.wanted_tilt, strokes, step), strokes, SOFTENED)
-        self._aim()
-
-    def _aim(self) -> None:
-        """Take the tilts into path and targets."""
-        self.path = tilt_path(self.planned, self.tilt, STAND_OFF)
-        self.T = compensate(self.arm, spray_pose(self.path), self.payload_kg)
 
     def lean(self, q: Array, report: Progress) -> Array:
         """Look at the whole cone of spray directions for points still unsolved or too near to something.
@@ -285,14 +249,14 @@ class PathSolver:
         rows = np.flatnonzero(before < low)
         if not rows.size:
             return q
-        gaps = distances(self.T, self.model.far)
+        gaps = self.aim.gaps
         strokes = np.cumsum(~np.isfinite(gaps))
         self.emphasis = self.emphasis.copy()
         self.emphasis[rows] = np.maximum(self.emphasis[rows], INSIST)
         around = (rows[:, None] + np.arange(-BESIDE, BESIDE + 1)).clip(0, len(q) - 1)
         rows = np.unique(around[strokes[around] == strokes[rows][:, None]])
         near, own = nearest_solved(q, rows, self.start), np.isfinite(q[rows, 0])
-        found = search.find(self.planned, rows, gaps[rows], near, own, self.tilt[rows])
+        found = search.find(self.aim.planned, rows, gaps[rows], near, own, self.aim.tilt[rows])
         self.promise[rows] = found.best
         hit = np.isfinite(found.q[:, 0])
         return self._try_leans(q, rows[hit], found.q[hit], found.tilt[hit], report)
@@ -303,13 +267,10 @@ class PathSolver:
         """Take postures and leans of some points over, and back again in stretches that gain nothing."""
         model = self.arm.description.clearance
         assert model is not None
-        gaps = distances(self.T, self.model.far)
-        old_wanted, old_tilt, old_cut = self.wanted_tilt, self.tilt, self.cut
+        gaps, old, old_cut = self.aim.gaps, self.aim.wish, self.cut
         free, steep = self._free(q), self._is_steep(q, gaps, KINK)
         mine = np.isin(np.arange(len(q)), rows)
-        self.wanted_tilt = self.wanted_tilt.copy()
-        self.wanted_tilt[rows] = lean
-        self._tilt(np.zeros_like(self.tilt), model)
+        self.aim.pin(rows, lean, model)
         tried = q.copy()
         tried[rows] = lean_q
         beside = mine | np.append(False, mine[:-1])
@@ -319,19 +280,20 @@ class PathSolver:
         kinked = self._is_steep(tried, gaps, KINK) & ~steep
         worth = [np.clip(each, -UNSOLVED, model.wanted) for each in (free, self._free(tried))]
         gain = worth[1] - worth[0] - CUT * (kinked | np.append(kinked[1:], False))
-        changed = mine | (self.tilt != old_tilt).any(axis=1)
+        changed = mine | (self.aim.tilt != old.tilt).any(axis=1)
         stretch = np.cumsum(np.diff(changed, prepend=False) | ~np.isfinite(gaps))
         worse = changed & (np.bincount(stretch, gain)[stretch] <= 0.0)
         self.cut = np.where(worse | np.append(False, worse[:-1]), old_cut, self.cut)
-        self.wanted_tilt[worse], self.tilt = old_wanted[worse], np.where(worse[:, None], old_tilt, self.tilt)
-        self._aim()
-        return np.where(worse[:, None], q, tried)
+        self.aim.put_back(worse, old)
+        mixed = np.where(worse[:, None], q, tried)
+        # points that went back beside others that stay as tried: smooth their strokes over the seam
+        return self._settle(mixed, mixed, report, self._beside(worse)) if worse.any() else mixed
 
     def _follow(self, q: Array) -> Array:
         """Carry joints over to targets that were tilted a little since; NaN where that fails."""
         live = np.flatnonzero(np.isfinite(q[:, 0]))
         carried = np.full_like(q, np.nan)
-        carried[live] = project_task(self.arm, self.T[live], q[live], self.cost.metric)
+        carried[live] = project_task(self.arm, self.aim.T[live], q[live], self.cost.metric)
         return self.keep_least(self.keep_good(carried))
 
     def _is_steep(self, q: Array, gaps: Array, share: float) -> NDArray[np.bool_]:
@@ -360,7 +322,7 @@ class PathSolver:
 
     def _gaps(self, x: Array, rows: NDArray[np.int64]) -> Array:
         """Distances along the chain of solved points, infinite where it cannot be continuous."""
-        gaps = distances(self.T[rows], self.model.far)
+        gaps = distances(self.aim.T[rows], self.model.far)
         gaps[1:][is_reroll(self.arm, x[:-1], x[1:])] = np.inf
         gaps[np.diff(np.cumsum(self.cut)[rows], prepend=0) > 0] = np.inf
         return gaps
@@ -370,7 +332,7 @@ class PathSolver:
         live = np.flatnonzero(np.isfinite(q).all(axis=1))
         kept = np.full_like(q, np.nan)
         if live.size:
-            miss = compute_error(self.arm, self.T[live], q[live]).size
+            miss = compute_error(self.arm, self.aim.T[live], q[live]).size
             good = live[(miss <= TASK_TOLERANCE) & self.arm.within_limits(q[live])]
             kept[good] = q[good]
         return kept
@@ -389,7 +351,7 @@ class PathSolver:
                 failed = failed[self.arm.within_limits(best[failed])]
             if not failed.size:
                 break
-            tries, best[failed] = aid.solve(self.T[failed], nearest_solved(q, failed, self.start), refine)
+            tries, best[failed] = aid.solve(self.aim.T[failed], nearest_solved(q, failed, self.start), refine)
             for k in range(tries.shape[1]):
                 alone = np.full_like(q, np.nan)
                 alone[failed] = tries[:, k]
@@ -401,7 +363,7 @@ class PathSolver:
         """Mark the points the arm does not reach without stopping to spray, shape (n,)."""
         breaks = np.zeros(len(q), dtype=bool)
         live = np.flatnonzero(np.isfinite(q[:, 0]))
-        gaps = distances(self.T[live], self.model.far)
+        gaps = distances(self.aim.T[live], self.model.far)
         needed = (np.abs(np.diff(q[live], axis=0)) / self.arm.max_speed).max(axis=1, initial=0.0)
         thrown = self._is_steep(q[live], gaps, KINK)[1:] | (np.diff(np.cumsum(self.cut)[live]) > 0)
         allowed = np.where(thrown, 0.0, self.model.reroll_s)
