@@ -8,13 +8,13 @@ from ascrcp.core.errors import RecognitionError
 from ascrcp.core.flow import Axis
 from ascrcp.core.geometry import Array, unit
 from ascrcp.core.profile import Profile
-from ascrcp.perception.arch import Ring
 from ascrcp.perception.fit import DROPPED, NO_ARCH, approach_axis, fit_axis, steel_agreement
 from ascrcp.perception.fit_check import check_fit
 from ascrcp.perception.normal import direction_from_normals, estimate_normals
 from ascrcp.perception.parameter import AxisParameters
 from ascrcp.perception.profile_line import between
 from ascrcp.perception.raster import unroll
+from ascrcp.perception.ring import Ring
 from ascrcp.perception.voxel import first_of_each
 
 _PIXEL = 0.10  # of the section picture the profile is matched in [m]

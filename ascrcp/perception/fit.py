@@ -40,6 +40,7 @@ _ARCH_ALIKE = 0.003  # offsets of arches from the design line differ by this muc
 _ALIKE_CELLS = 20.0  # so many cells of an arch are off alike: 2.5 m, a rolled segment
 _ROUND_ASIDE = 0.004  # a round of sprayed concrete likewise; placeholder [m]
 _ROUND = 3.0  # its length, thesis 3.3.1: about 3 m
+_ARC_SEEN = 0.5  # wall is seen at a place of the arc if over this much of station [m]; placeholder
 _BLOCK = 1.5  # roughness is taken as independent beyond this [m], for the uncertainty
 
 
@@ -56,6 +57,7 @@ class Fit:
         beyond: Share of the points outside the arch line that lie farther out than that.
         compact: Share of the cells there whose points lie on one surface, not scattered in depth.
         cover: Metres of station whose wall was seen over at least a third of the arc.
+        arc: Share of the arc at which wall was seen over at least _ARC_SEEN of station.
     """
 
     axis: Axis
@@ -66,6 +68,7 @@ class Fit:
     beyond: float
     compact: float
     cover: float
+    arc: float
 
 
 @dataclass(frozen=True)
@@ -343,6 +346,9 @@ def _describe(axis: Axis, flat: Unrolled, cells: _Cells, profile: Profile, param
     row -= row.min()
     columns = profile.length / parameters.cell_along
     cover = float(np.sum(np.bincount(row) > columns / 3) * parameters.cell_station)
+    column = (cells.along / parameters.cell_along).astype(np.int64)
+    pairs = np.unique(row * (column.max() + 1) + column) % (column.max() + 1)
+    arc = float(np.sum(np.bincount(pairs) * parameters.cell_station >= _ARC_SEEN) / columns)
     low, high = profile.arch_line - _INSIDE / 3, profile.overbreak_line + _OUTSIDE / 3
     wall = flat.beside & (flat.offset > low) & (flat.offset < high)
     return Fit(
@@ -354,6 +360,7 @@ def _describe(axis: Axis, flat: Unrolled, cells: _Cells, profile: Profile, param
         float(np.mean(flat.offset[flat.beside & (flat.offset > low)] > high)),
         _compactness(flat.pick(wall), profile, parameters),
         cover,
+        arc,
     )
 
 

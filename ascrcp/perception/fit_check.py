@@ -1,4 +1,4 @@
-"""Refuse what is no tunnel of the profile: a fit's cover, share, spread and taper."""
+"""Refuse what is no tunnel of the profile: a fit's cover, arc, share, spread and taper."""
 
 import numpy as np
 
@@ -9,6 +9,7 @@ from ascrcp.perception.parameter import AxisParameters
 
 _MAX_BEYOND = 0.3  # deep overbreak is a few per cent; the corners of a square room half of it; placeholder
 _MIN_COMPACT = 0.6  # placeholder
+_MIN_ARC = 0.5  # less of the arc does not hold the axis in place: one side wall is a third; placeholder
 
 
 def check_fit(fit: Fit, profile: Profile, parameters: AxisParameters) -> None:
@@ -21,6 +22,11 @@ def check_fit(fit: Fit, profile: Profile, parameters: AxisParameters) -> None:
     if not fit.cover >= 1.0:
         raise RecognitionError(
             f"no tunnel found: only {fit.cover:.1f} m of wall fit profile {name}, at least 1 m is needed"
+        )
+    if not fit.arc >= _MIN_ARC:
+        raise RecognitionError(
+            f"no tunnel found: wall is seen over {100 * fit.arc:.0f} % of the arc of profile {name} only, "
+            f"at least {100 * _MIN_ARC:.0f} % are needed to place the axis"
         )
     if not fit.share >= parameters.min_share:
         raise RecognitionError(

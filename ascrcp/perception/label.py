@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from ascrcp.core.flow import Label
 from ascrcp.core.profile import Profile
-from ascrcp.perception.arch import Ring
 from ascrcp.perception.parameter import SectionParameters
 from ascrcp.perception.raster import Unrolled
+from ascrcp.perception.ring import Ring
 from ascrcp.perception.section import Extent, is_wall
 from ascrcp.perception.wall import Wall, is_arch
 

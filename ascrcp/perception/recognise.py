@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ascrcp.core.errors import RecognitionError
 from ascrcp.core.flow import Axis, Cloud, Label, Surface
 from ascrcp.core.profile import Profile
-from ascrcp.perception.arch import Ring, find_arches, to_arch
+from ascrcp.perception.arch import find_arches, to_arch
 from ascrcp.perception.axis import find_axis, find_bare_axis, refine_axis, thin
 from ascrcp.perception.bay import find_bays
 from ascrcp.perception.cluster import cluster
@@ -21,6 +21,7 @@ from ascrcp.perception.label import label_points
 from ascrcp.perception.overbreak import find_overbreak
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.raster import Unrolled, unroll
+from ascrcp.perception.ring import Ring
 from ascrcp.perception.section import Extent, find_extent, is_wall
 from ascrcp.perception.voxel import voxel
 from ascrcp.perception.wall import build_wall, wall_end

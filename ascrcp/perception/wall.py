@@ -9,10 +9,10 @@ from scipy.special import gammainc, gammaln
 
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
-from ascrcp.perception.arch import Ring
 from ascrcp.perception.parameter import WallParameters
 from ascrcp.perception.profile_line import between
 from ascrcp.perception.raster import Raster, Unrolled, raster_over
+from ascrcp.perception.ring import Ring
 from ascrcp.perception.section import Extent
 
 _SIDE = 0.03  # the arch's own side is seen this far beyond its flange [m]

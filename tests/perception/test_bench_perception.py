@@ -8,6 +8,8 @@ import pytest
 from ascrcp.cli.bench_perception import scaled, try_refusals
 from ascrcp.cli.bench_survey import alignment_error, measure_pair
 from ascrcp.cli.heading_verdict import Verdict, judge
+from ascrcp.core.errors import RecognitionError
+from ascrcp.core.flow import Cloud
 from ascrcp.core.profile import Profile
 from ascrcp.perception.overbreak import across_shadow
 from ascrcp.perception.parameter import load_parameters
@@ -60,6 +62,16 @@ def test_no_heading_too_few_points_and_another_profile_are_refused() -> None:
     refusals = try_refusals(VARIETY, 5)
     assert [r.what for r in refusals if r.message is None] == []
     assert all("\n" not in str(r.message) for r in refusals)
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("seed", [902000, 903002])
+def test_one_side_wall_is_refused_however_long(seed: int, side: float) -> None:
+    made = draw_sample(VARIETY, KINDS["plain"], seed, (0.2, 0.2))
+    truth = made.heading.truth
+    left = ((made.cloud.points - truth.axis.point) @ truth.axis.T_base_tunnel[:3, :3])[:, 1]
+    with pytest.raises(RecognitionError, match=r"of the arc|m of wall"):
+        recognise(Cloud(made.cloud.points[side * left > 4.0]), truth.profile, load_parameters())
 
 
 def test_a_scaled_profile_keeps_its_lines() -> None:

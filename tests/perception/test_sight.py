@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from synthetic_heading import CIRCLE
 
 from ascrcp.core.profile import Profile
-from ascrcp.perception.arch import _longest
+from ascrcp.perception.arch_rule import _longest
 from ascrcp.perception.ground import find_ground
 from ascrcp.perception.parameter import load_parameters
 from ascrcp.perception.raster import Unrolled, raster_over

@@ -16,7 +16,7 @@ from ascrcp.core.flow import Arch, Axis, Scan, Surface
 from ascrcp.core.geometry import rotation, transform
 from ascrcp.core.paths import CONFIG
 from ascrcp.core.profile import Profile, load_profile
-from ascrcp.perception.arch import stretch
+from ascrcp.perception.arch_rule import stretch
 from ascrcp.perception.bay import find_bays
 from ascrcp.perception.ground import find_ground, is_ground
 from ascrcp.perception.parameter import PerceptionParameters, load_parameters
