@@ -161,6 +161,7 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
 
     Raises:
         InputError: Bad configuration or options; nothing has been started or written then.
+        DeviceError: The configured joystick cannot be opened; the message says what is missing.
     """
     if options.cloud is not None and not options.cloud.is_file():
         raise InputError(f"{options.cloud}: no such file")
@@ -176,8 +177,10 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     _check_bus(can)
     steer, report = load_steer_config(), load(CONFIG / "job.yaml", ReportConfig)
     joystick_config = load(CONFIG / "devices" / "joystick.yaml", JoystickConfig)
-    round_ = open_round(folder, rounds)
     with ExitStack() as opened:
+        joystick = options.joystick or open_joystick(joystick_config)
+        opened.callback(joystick.close)
+        round_ = open_round(folder, rounds)
         opened.enter_context(round_.lock())
         round_.check_machine(options.machine)
         server = None
@@ -189,8 +192,6 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
         timeout_s = LOCKSTEP_LIDAR_S if options.lockstep else device.timeout_s
         lidar: Lidar = SickLidar(server.host, server.port, timeout_s) if server else _NoLidar()
         opened.callback(lidar.close)
-        joystick = options.joystick or open_joystick(joystick_config)
-        opened.callback(joystick.close)
         kernels = KernelMaker(arm, steer, options.load_kg)
         kept = ExitStack()
         session = Session(
