@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.config import load
-from ascrcp.core.flow import Cloud, JointSequence, Scan
-from ascrcp.core.geometry import Array
+from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath
+from ascrcp.core.geometry import Array, angle_between, apply_transform, inverse_transform
 from ascrcp.core.paths import CONFIG
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.obstacle import Obstacles
@@ -28,6 +28,7 @@ from ascrcp.simulation.heading import Heading, build_heading
 from ascrcp.simulation.lidar_model import LidarConfig, LidarModel
 from ascrcp.simulation.tunnel import TunnelConfig
 
+HIT_STEPS = 4  # to find where a jet meets the wall; the wall is nearly square to it
 MET_M = 0.005  # cells that get less are beside the spray, not under it; placeholder
 PAN_STEP_DEG = 0.4  # coarser than the machine's sweep: a third of its points, for time
 
@@ -96,7 +97,30 @@ class Site:
             labels=self.surface.labels[:0],
         )
         path = self.parameters.path
-        return find_target(surface, fit_wall(surface, path), self.parameters.process, path.bridge_m)
+        self.wall = fit_wall(surface, path)
+        return find_target(surface, self.wall, self.parameters.process, path.bridge_m)
+
+    def find_poses(self, path: SprayPath) -> tuple[Array, Array]:
+        """Measure planned nozzles against the true wall, smoothed as the planner smooths.
+
+        Returns:
+            Distance to the wall along the spray direction [m], and angle between that direction and the
+            wall's normal tilted by theta2 [rad], both (n,).
+        """
+        profile = self.truth.profile
+        T = inverse_transform(self.heading.truth.axis.T_base_tunnel)
+        nozzle, direction = apply_transform(T, path.position), path.direction @ T[:3, :3].T
+        reach = np.full(len(nozzle), self.parameters.path.stand_off_m)
+        for _ in range(HIT_STEPS):
+            hit = nozzle + reach[:, None] * direction
+            along, offset = profile.locate(hit[:, 1:])
+            short = self.wall.sample(self.wall.offset, hit[:, 0], along) - offset
+            reach = reach + short / np.maximum((direction[:, 1:] * profile.normal(along)).sum(axis=1), 0.3)
+        limit = np.radians(self.parameters.path.normal_limit_deg)
+        normal = self.wall.normal(hit[:, 0], along, limit)
+        tilt = np.sin(path.theta2)[:, None]
+        wanted = np.column_stack([np.cos(path.theta2), tilt * normal])
+        return reach, angle_between(direction, wanted)
 
     def judge(self, plan: SprayPlan, grown: Grown, seen_only: bool) -> Finish:
         """Average the true wall's distance from the wanted surface over patches that can be reached.
