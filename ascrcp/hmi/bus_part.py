@@ -40,7 +40,7 @@ class BusPart(Panel):
         self._first, self._count = 0, 0
         self.table = TextTable(
             ("bus_identifier", "bus_name", "bus_rate", "bus_data", "bus_decoded"),
-            (90, 150, 100, 215, 0),
+            (74, 144, 66, 158, 0),
             ROWS,
         )
         self.note = make_label("small")
@@ -91,7 +91,7 @@ class BusPart(Panel):
         times = sum(cycle.count(number) for cycle in self._seen)
         rate = times / (max(1, len(self._seen)) * CYCLE_S)
         name = layout.name if layout is not None else "?"
-        return f"0x{number:03X}", name, f"{rate:.0f}", data.hex(" ").upper(), describe_frame(layout, data)
+        return f"0x{number:03X}", name, f"{rate:.0f}", data.hex().upper(), describe_frame(layout, data)
 
     def _scroll(self, rows: int) -> None:
         self._first = max(0, self._first + rows)

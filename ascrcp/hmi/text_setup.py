@@ -16,10 +16,10 @@ SETUP_TEXT: dict[str, tuple[str, str]] = {
     "setup_profile": ("Profile\nfile", "断面\n参数"),
     "setup_rig": ("Rig\nfaults", "仿真\n故障"),
     # bus monitor
-    "bus_identifier": ("Identifier", "标识符"),
+    "bus_identifier": ("Id", "标识符"),
     "bus_name": ("Message", "报文"),
     "bus_data": ("Data", "数据"),
-    "bus_rate": ("per second", "每秒"),
+    "bus_rate": ("per s", "每秒"),
     "bus_decoded": ("Value", "数值"),
     "bus_silent": ("No frame has been heard.", "未收到任何帧。"),
     # sensor zero
