@@ -129,6 +129,9 @@ def build_parser() -> argparse.ArgumentParser:
             stage.add_argument(
                 "--out", type=Path, required=True, metavar="YAML", help="the new control parameters"
             )
+            stage.add_argument(
+                "--steps", type=Path, default=None, metavar="DIR", help="pictures of the step responses"
+            )
         if name == "plan":
             _plan(stage)
         if name in _OWN:

@@ -31,6 +31,11 @@ def tune(options: Options, output: Output) -> int:
         found = Tuner(cell, arm, control).tune(tuning_pose(arm), output.say)
     text = encode_control(found, f"{options.machine}, seed {options.seed}")
     write_atomic(out, lambda file: file.write(text.encode()))
+    pictures = []
+    if options.steps is not None:
+        from ascrcp.cli.tune_picture import draw_steps  # only who wants pictures pays for the import
+
+        pictures = draw_steps(found, options.steps)
     rows = [_row(before, after) for before, after in zip(control.joints, found.control.joints, strict=True)]
     header = ["joint", "full speed up, down", "dead band up, down", "delay", "creep", "piece drive"]
     lines = [
@@ -43,6 +48,7 @@ def tune(options: Options, output: Output) -> int:
         "out": str(out),
         "oil_c": found.oil_c,
         "duration_s": found.duration_s,
+        "pictures": [str(place) for place in pictures],
         "joints": [_summary(joint) for joint in found.control.joints],
     }
     output.result(tree, "\n".join(lines))
