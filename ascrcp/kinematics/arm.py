@@ -249,7 +249,7 @@ class Arm:
         found = form.solve(P, self._held(held, form.held, len(T)), None)
         shape = (*BRANCHES, len(T))
         inside = np.broadcast_to(self._inside(found), shape)
-        pose, branch = np.nonzero(inside.reshape(-1, len(T)).T)
+        pose, branch = np.nonzero(inside.reshape(math.prod(BRANCHES), -1).T)
         where = (*np.unravel_index(branch, BRANCHES), pose)
         return pose, np.stack([np.broadcast_to(value, shape)[where] for value in found], axis=1)
 

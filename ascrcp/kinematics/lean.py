@@ -18,11 +18,11 @@ from ascrcp.kinematics.barrier import Barrier
 from ascrcp.kinematics.candidate import Grid, solve_inside, spread_rolls
 from ascrcp.kinematics.clearance import clearance, rough_clearance
 from ascrcp.kinematics.description import PathModel
-from ascrcp.kinematics.feedback import tilt_path
+from ascrcp.kinematics.feedback import rotation_matrices, tilt_path
 from ascrcp.kinematics.graph import find_chain
 from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.smooth import Cost, own_cost
-from ascrcp.kinematics.task import spray_pose
+from ascrcp.kinematics.task import find_roll, roll_pose, spray_pose
 
 WAYS = 8
 """Directions round the planned one to lean in."""
@@ -35,6 +35,12 @@ BLOCK = 64
 
 LOOKED_AT = 96
 """Candidates of a point whose clearance is measured, the best of a rough look; placeholder."""
+
+POLISHED = 4
+"""Candidates looked at more closely where none keeps what is wanted; placeholder."""
+
+POLISH_ROUNDS = 3
+"""Times that is done, at half the steps each; placeholder."""
 
 KEPT = 64
 """Candidates of a point that go into the chain; placeholder."""
@@ -155,7 +161,43 @@ class LeanSearch:
         straight = compensate(self.arm, spray_pose(repeat_points(path, rows, 1)), self.payload_kg)
         pose, row, _ = solve_inside(self.arm, straight, self.grid)
         seen = self._look(path, rows, cones, spread_rolls(self.grid, pose, row, len(rows)))
-        self.seen.update(zip(rows.tolist(), seen, strict=True))
+        for i, view in zip(rows.tolist(), seen, strict=True):
+            short = len(view[2]) > 0 and view[2].max() < self.wanted + AIMED
+            self.seen[i] = self._polish(path, i, view) if short else view
+
+    def _polish(self, path: SprayPath, i: int, view: View) -> View:
+        """Look more closely round a point's clearest candidates, whose grid was too coarse to keep clear."""
+        spacing = [np.diff(np.unique(column))[:1] for column in self.grid.rows.T]
+        steps = np.array([step[0] if len(step) else 0.0 for step in spacing])
+        turn = np.pi / WAYS
+        for _ in range(POLISH_ROUNDS):
+            steps, turn = steps / 2.0, turn / 2.0
+            q, lean, free = view
+            best = (-free).argsort(kind="stable")[:POLISHED]
+            near, near_lean = self._around(path, i, q[best], lean[best], steps, turn)
+            kept = clearance(self.arm, near, self.barrier.obstacles).distance
+            clear = (-kept).argsort(kind="stable")[:POLISHED]
+            view = _join(view, (near[clear], near_lean[clear], kept[clear]))
+        return view
+
+    def _around(
+        self, path: SprayPath, i: int, q: Array, lean: Array, steps: Array, turn: float
+    ) -> tuple[Array, Array]:
+        """Find postures within limits, and their leans, a step to every side of candidates (k, joints)."""
+        ways = np.array([-turn, 0.0, turn])
+        sides = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * steps
+        leans = (rotation_matrices(ways[:, None] * path.direction[i]) @ lean[:, None, :, None])[..., 0]
+        flat = leans.reshape(-1, 3)
+        leaned = tilt_path(repeat_points(path, np.array([i]), len(flat)), flat, self.stand_off)
+        T = compensate(self.arm, spray_pose(leaned), self.payload_kg)
+        source = np.repeat(q, len(ways), axis=0)
+        roll = find_roll(T, self.arm.forward(source))
+        pose = np.repeat(np.arange(len(T)), len(sides))
+        side = np.tile(sides, (len(T), 1))
+        aimed = roll_pose(T[pose], roll[pose] + side[:, 0])
+        held = {5: source[pose, 4] + side[:, 1], 6: source[pose, 5] + side[:, 2]}
+        at, found = self.arm.candidates_inside(aimed, held)
+        return found, flat[pose[at]]
 
     def _look(
         self, path: SprayPath, rows: NDArray[np.int64], leans: Array, tried: NDArray[np.bool_] | None

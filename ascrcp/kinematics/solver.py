@@ -37,8 +37,8 @@ FEEDBACK_SMOOTHING = 4
 LOW_SHARE = 10.0
 """A clearance short of the wanted by less than a cell of the field over this is taken as kept."""
 
-CUT = 0.05
-"""A step that throws the arm has to gain so many metres at each end; placeholder."""
+CUT = 0.005
+"""A step that throws the arm has to gain so many metres at each end: what counts as the same clearance."""
 
 SAME = 0.01
 """Joints of two solutions of a point that differ by less [rad, m] go over into each other."""
