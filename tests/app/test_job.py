@@ -64,7 +64,7 @@ def test_result_has_the_public_keys(result: dict[str, Any]) -> None:
         assert key in result
     for key in ("nozzle_error_mm", "nozzle_error_deg", "cross_track_mm"):
         assert set(result[key]) == {"mean", "p95", "max"}
-    assert set(result["points"]) == {"planned", "reached", "skipped"}
+    assert set(result["points"]) == {"planned", "reached", "skipped", "left_out"}
     assert set(result["timing_s"]) == {"scan", "recognise", "plan", "solve", "run"}
     assert set(result["lateness_ms"]) == {"p50", "p99_9", "max", "missed"}
 
