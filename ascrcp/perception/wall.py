@@ -9,6 +9,7 @@ from scipy.special import gammainc, gammaln
 
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
+from ascrcp.perception.fill import bridge, bulge, extend
 from ascrcp.perception.parameter import WallParameters
 from ascrcp.perception.profile_line import between
 from ascrcp.perception.raster import Raster, Unrolled, raster_over
@@ -22,6 +23,8 @@ _SHADOW = 0.6  # an arch's shadow reaches this far from it along the axis [m]; p
 _GAP = 4  # of 8 neighbours seen make an empty cell a gap in sampling, not shadow
 _NEIGHBOURS = 5  # of 8 cells: the rim of a straight shadow has five
 _BEFORE = 0.05  # a lone cell so far before the wall is a mixed echo: three times the relief of a cell [m]
+_FIXED_POINT = 12  # steps to the density; off by 2 % for one point a cell, by nothing for more
+_LEAST_DENSITY = 0.2  # of points in a cell; below it a count of one is chance
 _DENSITY = 9  # cells of the square over which the density of points is averaged
 _LEAST_DARK, _MOST_DARK = 0.01, 0.10  # chance that a cell amid the wall seen is dark; synthetic headings
 _CHANCE = 4  # of the eight neighbours of a cell; the others are bridged if empty by chance; placeholder
@@ -130,7 +133,7 @@ def build_wall(
     mean[mixed], count[mixed] = np.nan, 0.0
     beyond = np.where(mixed, 0.0, raster.total(index, (rock.offset > profile.overbreak_line).astype(float)))
     # sprayed part and rock are different surfaces: nothing is filled across the edge between them
-    parts = [_filled(mean[:before], parameters), _filled(mean[before:], parameters)]
+    parts = [_filled(mean[rows], count[rows], parameters) for rows in (slice(before), slice(before, None))]
     offset = np.concatenate([part[0] for part in parts])
     filled = np.concatenate([part[1] for part in parts])
     corner = _corner(raster, extent, filled | np.isnan(offset))
@@ -169,7 +172,7 @@ def _share(count: Array, seen: NDArray[np.bool_], corner: NDArray[np.bool_]) -> 
     weight = uniform_filter(inner.astype(float), _DENSITY)
     usual = np.where(inner, count, 0.0)
     near = uniform_filter(usual, _DENSITY) / np.maximum(weight, 1e-9)
-    density = np.where(weight > 1e-6, near, usual.sum() / inner.sum())
+    density = density_of_full(np.where(weight > 1e-6, near, usual.sum() / inner.sum()))
     rim = _count_around(seen | corner) < 8.0
     rim[[0, -1]] = rim[:, [0, -1]] = False
     amid = seen & ~rim & ~corner
@@ -182,6 +185,17 @@ def _share(count: Array, seen: NDArray[np.bool_], corner: NDArray[np.bool_]) -> 
     dark = np.where(rim, 0.0, shaded)
     share = expected_share(count, density, whole, dark)
     return np.where(corner, 1.0, np.where(seen, share, 0.0))
+
+
+def density_of_full(mean: Array) -> Array:
+    """Density of a Poisson process from the mean count of those cells that hold a point at all, (...).
+
+    In a thin cloud the empty cells are missing from that mean: m = d / (1 - exp(-d)), solved for d.
+    """
+    density = np.asarray(mean, dtype=float)
+    for _ in range(_FIXED_POINT):
+        density = mean * -np.expm1(-density)
+    return np.maximum(density, _LEAST_DENSITY)
 
 
 def expected_share(count: Array, density: Array, whole: Array, dark: Array) -> Array:
@@ -216,49 +230,29 @@ def _is_near(raster: Raster, rings: list[Ring], profile: Profile) -> NDArray[np.
     return near
 
 
-def _filled(mean: Array, parameters: WallParameters) -> tuple[Array, NDArray[np.bool_]]:
+def _filled(mean: Array, count: Array, parameters: WallParameters) -> tuple[Array, NDArray[np.bool_]]:
     """Bridge sampling gaps, then fill shadows; return the grid and which cells were in shadow."""
     if not mean.size:
         return mean, np.zeros(mean.shape, dtype=bool)
     grid = bridge(mean, 1, parameters.bridge)
     grid = bridge(grid, 0, parameters.bridge)
     # a gap between the lidar's lines has wall round it, the rim of a shadow on one side only
-    unseen = np.isnan(grid) | (np.isnan(mean) & (_count_around(~np.isnan(mean)) < _GAP))
+    full = ~np.isnan(mean)
+    unseen = np.isnan(grid) | (~full & (_count_around(full) < _GAP * _chance_full(count)))
     longest = int(np.ceil(parameters.fill / parameters.cell))
-    grid = bridge(grid, 0, longest)
+    grid = bulge(grid, longest)
     grid = bridge(grid, 1, longest)
     grid = extend(grid, _EDGE)
     return grid, np.asarray(unseen & ~np.isnan(grid))
 
 
+def _chance_full(count: Array) -> Array:
+    """Chance that a cell in sight holds a point, from the cells about it that hold any, (ns, na)."""
+    points = uniform_filter(count, _DENSITY, mode="constant")
+    cells = uniform_filter((count > 0).astype(float), _DENSITY, mode="constant")
+    return np.asarray(-np.expm1(-density_of_full(np.maximum(points / np.maximum(cells, 1e-9), 1.0))))
+
+
 def _count_around(full: NDArray[np.bool_]) -> Array:
     """How many of its 8 neighbours are marked, for each cell, shape (ns, na)."""
     return np.asarray(convolve(full.astype(float), np.ones((3, 3)), mode="constant") - full)
-
-
-def bridge(grid: Array, axis: int, longest: int) -> Array:
-    """Fill runs of at most `longest` NaN between two values linearly along one direction."""
-    g = np.moveaxis(grid, axis, 0)
-    n = len(g)
-    row = np.arange(n).reshape((n,) + (1,) * (g.ndim - 1))
-    known = ~np.isnan(g)
-    before = np.maximum.accumulate(np.where(known, row, -1), axis=0)
-    after = np.minimum.accumulate(np.where(known, row, n)[::-1], axis=0)[::-1]
-    gap = ~known & (before >= 0) & (after < n) & (after - before - 1 <= longest)
-    low = np.take_along_axis(g, np.maximum(before, 0), axis=0)
-    high = np.take_along_axis(g, np.minimum(after, n - 1), axis=0)
-    part = (row - before) / np.maximum(after - before, 1)
-    return np.moveaxis(np.where(gap, low + (high - low) * part, g), 0, axis)
-
-
-def extend(grid: Array, cells: int) -> Array:
-    """Carry the first and last known value of each column outward along the axis by some rows."""
-    n = len(grid)
-    row = np.arange(n)[:, None]
-    known = ~np.isnan(grid)
-    before = np.maximum.accumulate(np.where(known, row, -1), axis=0)
-    after = np.minimum.accumulate(np.where(known, row, n)[::-1], axis=0)[::-1]
-    low = np.take_along_axis(grid, np.maximum(before, 0), axis=0)
-    high = np.take_along_axis(grid, np.minimum(after, n - 1), axis=0)
-    out = np.where(~known & (before >= 0) & (row - before <= cells), low, grid)
-    return np.where(np.isnan(out) & (after < n) & (after - row <= cells), high, out)

@@ -18,13 +18,14 @@ from ascrcp.core.paths import CONFIG
 from ascrcp.core.profile import Profile, load_profile
 from ascrcp.perception.arch_rule import stretch
 from ascrcp.perception.bay import find_bays
+from ascrcp.perception.fill import bridge, bulge, extend
 from ascrcp.perception.ground import find_ground, is_ground
 from ascrcp.perception.parameter import PerceptionParameters, load_parameters
 from ascrcp.perception.project import project
 from ascrcp.perception.raster import raster_over, unroll
 from ascrcp.perception.reader import read_cloud
 from ascrcp.perception.voxel import first_of_each, voxel
-from ascrcp.perception.wall import bridge, extend
+from ascrcp.perception.wall import density_of_full
 from ascrcp.perception.writer import write_labelled_cloud
 
 RNG = np.random.default_rng(0)
@@ -199,3 +200,20 @@ def test_shipped_profiles_load(path: Path) -> None:
     along = np.linspace(0.1, profile.length - 0.1, 50)
     back, offset = profile.locate(profile.point(along))
     assert back == pytest.approx(along, abs=1e-6) and offset == pytest.approx(np.zeros(50), abs=1e-9)
+
+
+@given(st.floats(0.2, 0.6), st.floats(-0.3, 0.3), st.integers(8, 16))
+def test_a_shadow_goes_on_at_the_slopes_of_its_rims(deep: float, slope: float, dark: int) -> None:
+    row = np.arange(40.0)
+    rock = deep * (1.0 - ((row - 20.0) / 15.0) ** 2) + slope * row / 40.0
+    mean = rock.copy()
+    mean[20 - dark // 2 : 20 + dark // 2] = np.nan
+    straight, full = bridge(mean[:, None], 0, 24)[:, 0], bulge(mean[:, None], 24)[:, 0]
+    assert (full >= straight - 1e-12).all() and np.isfinite(full).all()
+    assert np.abs(full - rock).sum() < 0.5 * np.abs(straight - rock).sum()
+
+
+@given(st.floats(0.5, 20.0))
+def test_density_is_found_from_the_cells_that_hold_points(density: float) -> None:
+    mean = density / -np.expm1(-density)
+    assert abs(float(density_of_full(np.array(mean))) / density - 1.0) < 0.03
