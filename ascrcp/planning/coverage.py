@@ -102,7 +102,6 @@ class Coverage:
             edge_distance_m=min(dose.edge_m, dose.pass_spacing_m),
             point_spacing_m=dose.point_spacing_m,
         )
-        self._tilt_reach = parameters.spray_radius_m
         self._raster = Raster(surface, self._parameters)
         self._again = where is not None
         self._where = target.inside if where is None else where & target.inside
@@ -170,8 +169,8 @@ class Coverage:
         first, last = self._target.along[[columns[0], columns[-1]]].tolist()
         square = self._parameters.tilt_deg
         return [
-            _Pass(Strip(bay, 1.0, piece, False, square, False), 1, arch, number > 0)
-            for number, piece in enumerate(self._pieces(first, last))
+            _Pass(Strip(bay, 1.0, piece, False, square, False), 1, arch, self._is_beyond(piece))
+            for piece in self._pieces(first, last)
         ]
 
     def _cover(self, bay: int, mask: NDArray[np.bool_], layer: int) -> list[_Pass]:
@@ -183,16 +182,16 @@ class Coverage:
             rows = np.rint((self._raster.stations(strip, target.along) - target.station[0]) / target.cell[0])
             rows = np.clip(rows, 0, len(target.station) - 1).astype(np.int64)
             on = mask[rows, np.arange(len(target.along))]
-            for first, last in self._runs(on, layer):
-                for number, piece in enumerate(self._pieces(first, last)):
-                    beyond = number > 0 or self._is_beyond(piece)
+            for first, last in self._runs(on):
+                for piece in self._pieces(first, last):
+                    beyond = self._is_beyond(piece)
                     side = sides[beyond]
                     falling = len(side) % 2 == 1
                     side.append(_Pass(_with_ends(strip, piece, falling), layer, None, beyond))
         return [*sides[0], *sides[1]]
 
-    def _runs(self, on: NDArray[np.bool_], layer: int) -> list[tuple[float, float]]:
-        """First and last arc length of the runs of cells; the last layer also bridges what needs nothing."""
+    def _runs(self, on: NDArray[np.bool_]) -> list[tuple[float, float]]:
+        """First and last arc length of the runs of cells; gaps shorter than a patch are sprayed through."""
         columns = np.flatnonzero(on)
         if not len(columns):
             return []

@@ -13,8 +13,9 @@ from scipy.ndimage import gaussian_filter
 from scipy.sparse import csr_matrix
 
 from ascrcp.core.geometry import Array
+from ascrcp.perception.profile_line import curvature
 from ascrcp.planning.process import ProcessParameters, ReboundParameters, SprayParameters
-from ascrcp.planning.target import ArchLid, Target, curvature_radius
+from ascrcp.planning.target import ArchLid, Target
 
 WINDOW = 1.6  # half width of the window of cells looked at, in footprint radii: tilt and stand-off included
 SLOPE_SIGMA_M = 0.10  # one sigma over which the wall's slope is taken: steeper rims are edges, not slopes
@@ -121,8 +122,8 @@ def _prepare(target: Target, offset: Array) -> _Cells:
     normal = np.tile(profile.normal(target.along), (len(target.station), 1))
     on_line = np.tile(profile.point(target.along), (len(target.station), 1))
     point = np.column_stack([station, on_line + flat[:, None] * normal])
-    radius = np.tile(curvature_radius(profile, target.along), len(target.station))
-    return _Cells(point, normal, slope, flat, target.arch.ravel(), 1.0 + flat / radius)
+    bend = np.tile(curvature(profile, target.along), len(target.station))
+    return _Cells(point, normal, slope, flat, target.arch.ravel(), 1.0 + bend * flat)
 
 
 def _aim(jet: Jet, target: Target, offset: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:

@@ -10,9 +10,11 @@ from scipy.ndimage import binary_dilation, gaussian_filter, map_coordinates, uni
 from ascrcp.core.flow import Surface
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
+from ascrcp.perception.profile_line import crown_height, curvature
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.wall import Wall
 
+ARCH_DEPTH_M = 0.15  # inner to outer flange: HW 150 class; placeholder
 MARGIN_M = 0.5  # grid beyond the unsprayed part: what is sprayed past its ends is reckoned too
 BEFORE_M = 0.08  # what lies so far inside the arch line is no wall to be sprayed; placeholder
 GRAIN_SHARE = 0.5  # one sigma of the window over a cell's rock, in cells: neither alias nor blur
@@ -140,15 +142,13 @@ def find_target(surface: Surface, wall: Wall, process: ProcessParameters, bridge
     before = binary_dilation(smooth < profile.arch_line - BEFORE_M, iterations=2)
     left[before & ~arch] = Left.BEFORE
     left[(station < first) | (station > last)] = Left.OUTSIDE
-    radius = curvature_radius(profile, along)
-    area = process.dose.cell_m * (along[1] - along[0]) * (1.0 + wanted / radius)
+    area = (station[1] - station[0]) * (along[1] - along[0]) * (1.0 + curvature(profile, along) * wanted)
     return Target(profile, station, along, rock, offset, wanted, arch, left, arches, area)
 
 
 def find_lids(surface: Surface, along: Array) -> tuple[ArchLid, ...]:
     """Describe the arches as the spray meets them."""
-    z = surface.profile.point(along)[:, 1]
-    height = z - surface.profile.point(np.linspace(0.0, surface.profile.length, 1001))[:, 1].max()
+    height = surface.profile.point(along)[:, 1] - crown_height(surface.profile)
     inner = surface.profile.arch_line
     return tuple(
         ArchLid(
@@ -156,15 +156,6 @@ def find_lids(surface: Surface, along: Array) -> tuple[ArchLid, ...]:
         )
         for a in surface.arches
     )
-
-
-ARCH_DEPTH_M = 0.15  # inner to outer flange: HW 150 class; placeholder
-
-
-def curvature_radius(profile: Profile, along: Array) -> Array:
-    """Radius of the design line at arc lengths (n,) [m]."""
-    arc = np.clip(np.searchsorted(profile.arc_starts, along, side="right") - 1, 0, len(profile.arcs) - 1)
-    return np.asarray(np.array([a.radius for a in profile.arcs])[arc])
 
 
 def mean_finish(grid: Array, mask: NDArray[np.bool_], target: Target, patch: float) -> Array:
