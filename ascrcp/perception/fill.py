@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from ascrcp.core.geometry import Array
 
 _SLOPE_CELLS = 3  # cells beyond a shadow's rim that give the slope there; synthetic headings
-_STEEPEST = 0.5  # a steeper rim is not carried on into the shadow; placeholder
+_STEEPEST = 0.1  # a rim deepens by no more than this into the shadow [m per cell]; placeholder
 
 
 def bulge(grid: Array, longest: int) -> Array:

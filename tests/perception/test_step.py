@@ -210,7 +210,7 @@ def test_a_shadow_goes_on_at_the_slopes_of_its_rims(deep: float, slope: float, d
     mean[20 - dark // 2 : 20 + dark // 2] = np.nan
     straight, full = bridge(mean[:, None], 0, 24)[:, 0], bulge(mean[:, None], 24)[:, 0]
     assert (full >= straight - 1e-12).all() and np.isfinite(full).all()
-    assert np.abs(full - rock).sum() < 0.5 * np.abs(straight - rock).sum()
+    assert np.abs(full - rock).sum() < 0.8 * np.abs(straight - rock).sum()
 
 
 @given(st.floats(0.5, 20.0))
