@@ -71,7 +71,7 @@ def lay_bare(heading: Heading, cell: float, arch_depth: float) -> Bare:
         known = np.isfinite(column)
         column[:] = np.interp(rows, rows[known], column[known]) if known.any() else 0.0
     # the face, seen along the axis just inside the arches
-    origin = apply_transform(T, np.column_stack([np.full(len(along), first), truth.profile.point(along, start)]))
+    origin = apply_transform(T, np.column_stack([np.full(len(along), first), yz]))
     ahead = np.tile(T[:3, 0], (len(along), 1))
     reach = scene.cast_rays(tensor(np.hstack([origin, ahead]).astype(np.float32)))["t_hit"].numpy()
     return Bare(truth.profile, station, along, rock, flange, first + reach.astype(float), arch_depth)
