@@ -26,6 +26,7 @@ class WallCells:
         station: Middles of the rows [m], shape (ns,).
         along: Middles of the columns along the design line [m], shape (na,).
         point: Wall points in the base frame [m], shape (m, 3).
+        arc_angle: Section angle of the columns on the design line, rising [rad], shape (na,).
         angle: Section angle of the wall points [rad], shape (m,).
         T: Nozzle poses square to the wall, roll free, base frame, shape (m, 4, 4).
         path: The same as points of a spray path.
@@ -35,6 +36,7 @@ class WallCells:
 
     station: Array
     along: Array
+    arc_angle: Array
     point: Array
     angle: Array
     T: Array
@@ -79,7 +81,15 @@ def lay_cells(surface: Surface, parameters: PlanningParameters, cell: float) -> 
         R_base_tunnel=T[:3, :3],
     )
     return WallCells(
-        station, along, apply_transform(T, point), path.angle, spray_pose(path), path, asked, wall.floor_z
+        station,
+        along,
+        np.unwrap(section_angle(surface.profile.point(along))),
+        apply_transform(T, point),
+        path.angle,
+        spray_pose(path),
+        path,
+        asked,
+        wall.floor_z,
     )
 
 

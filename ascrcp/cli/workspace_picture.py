@@ -57,9 +57,9 @@ def draw_workspace(arm: Arm, cloud: Array, extremes: dict[str, Extreme], cells: 
 def draw_reach(arm: Arm, cells: WallCells, reach: ReachMap, blocked: NDArray[np.bool_] | None) -> bytes:
     """Draw the unrolled wall: margin or what is missing, what is blocked, and the joint nearest its end."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(13, 7), layout="constrained", sharey=True)
-    angle = np.degrees(cells.angle).reshape(cells.shape)
-    station = np.broadcast_to(cells.station[:, None], cells.shape)
-    margin = np.where(cells.asked, 100 * reach.margin, np.nan).reshape(cells.shape)
+    # the design line's angle: that of the wall itself does not rise evenly where it is rough
+    station, angle = cells.station, np.degrees(cells.arc_angle)
+    margin = np.where(cells.asked, 100 * reach.margin, np.nan).reshape(cells.shape).T
     good = np.ma.masked_where(~(margin >= 0.0), margin)
     bad = np.ma.masked_where(~(margin < 0.0), np.maximum(margin, -1e3))
     scale = {"cmap": "YlGn", "vmin": 0.0, "vmax": BEST_MARGIN}
@@ -70,8 +70,8 @@ def draw_reach(arm: Arm, cells: WallCells, reach: ReachMap, blocked: NDArray[np.
         mesh = left.pcolormesh(station, angle, bad, shading="nearest", **scale)
         figure.colorbar(mesh, ax=left, label="out of reach: beyond a range by [% of it]", shrink=0.7)
     if blocked is not None:
-        hit = blocked.reshape(cells.shape)
-        left.plot(station[hit], angle[hit], "kx", markersize=4)
+        row, column = np.nonzero(blocked.reshape(cells.shape))
+        left.plot(station[row], angle[column], "kx", markersize=4)
     _draw_limits(right, arm, cells, reach, station, angle)
     for ax in (left, right):
         ax.set_facecolor("#d0d0d0")
@@ -86,7 +86,7 @@ def draw_reach(arm: Arm, cells: WallCells, reach: ReachMap, blocked: NDArray[np.
 
 def _draw_limits(ax: Axes, arm: Arm, cells: WallCells, reach: ReachMap, station: Array, angle: Array) -> None:
     """Colour each cell by the joint whose range is nearest to its end."""
-    shown = np.ma.masked_where(~(cells.asked & (reach.joint >= 0)), reach.joint).reshape(cells.shape)
+    shown = np.ma.masked_where(~(cells.asked & (reach.joint >= 0)), reach.joint).reshape(cells.shape).T
     colours = plt.get_cmap("tab10")
     ax.pcolormesh(station, angle, shown, cmap=colours, vmin=-0.5, vmax=9.5, shading="nearest")
     for i in np.unique(shown.compressed()).tolist():

@@ -41,12 +41,15 @@ class Aim:
         path: The same as leaned.
         T: Its poses raised by the sag, theta1 = 0, shape (n, 4, 4).
         wish: The leans.
+        cut: Where the arm changes its posture before a point on purpose, so that leans on either side need
+            not go over into each other, shape (n,).
     """
 
     def __init__(self, arm: Arm, planned: SprayPath, payload_kg: float, far: float) -> None:
         self._arm, self._payload_kg, self._far = arm, payload_kg, far
         self.planned = self.path = planned
         self.T = compensate(arm, spray_pose(planned), payload_kg)
+        self.cut = np.zeros(len(planned), dtype=bool)
         none = np.zeros((len(planned), 3))
         self.wish = Wish(none, np.zeros(len(planned), dtype=bool), none)
 
@@ -90,7 +93,7 @@ class Aim:
         )
 
     def _take(self, wanted: Array, pinned: NDArray[np.bool_], step: float) -> None:
-        strokes = self.strokes
+        strokes = np.cumsum((~np.isfinite(self.gaps) | self.cut).astype(np.int64))
         soft = soften_tilt(spread_tilt(wanted, strokes, step), strokes, SOFTENED)
         self._set(Wish(wanted, pinned, blend_pinned(soft, wanted, pinned, strokes)))
 

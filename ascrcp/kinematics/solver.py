@@ -68,7 +68,6 @@ class PathSolver:
         emphasis: Weight of keeping each link clear, shape (n, links).
         promise: Most clearance the whole cone of directions was seen to give [m], infinite if not looked
             at, shape (n,).
-        cut: Where the arm changes its posture before a point on purpose, shape (n,).
     """
 
     def __init__(
@@ -85,7 +84,6 @@ class PathSolver:
         self.aim = Aim(arm, path, payload_kg, model.far)
         self.obstacles = obstacles
         self.barrier = None if obstacles is None else make_barrier(arm, obstacles)
-        self.cut = np.zeros(len(path), dtype=bool)
         self.promise = np.full(len(path), np.inf)
         self.emphasis = np.zeros((len(path), 0))
         self.search: LeanSearch | None = None
@@ -267,23 +265,23 @@ class PathSolver:
         """Take postures and leans of some points over, and back again in stretches that gain nothing."""
         model = self.arm.description.clearance
         assert model is not None
-        gaps, old, old_cut = self.aim.gaps, self.aim.wish, self.cut
+        gaps, old, old_cut = self.aim.gaps, self.aim.wish, self.aim.cut
         free, steep = self._free(q), self._is_steep(q, gaps, KINK)
         mine = np.isin(np.arange(len(q)), rows)
-        self.aim.pin(rows, lean, model)
         tried = q.copy()
         tried[rows] = lean_q
         beside = mine | np.append(False, mine[:-1])
-        self.cut = old_cut | (beside & self._is_steep(tried, gaps, 1.0))
+        self.aim.cut = old_cut | (beside & self._is_cut(tried, gaps))
+        self.aim.pin(rows, lean, model)
         tried = self._settle(tried, q, report, self._beside(mine))
-        self.cut = old_cut | (beside & self._is_steep(tried, gaps, 1.0))
+        self.aim.cut = old_cut | (beside & self._is_cut(tried, gaps))
         kinked = self._is_steep(tried, gaps, KINK) & ~steep
         worth = [np.clip(each, -UNSOLVED, model.wanted) for each in (free, self._free(tried))]
         gain = worth[1] - worth[0] - CUT * (kinked | np.append(kinked[1:], False))
         changed = mine | (self.aim.tilt != old.tilt).any(axis=1)
         stretch = np.cumsum(np.diff(changed, prepend=False) | ~np.isfinite(gaps))
         worse = changed & (np.bincount(stretch, gain)[stretch] <= 0.0)
-        self.cut = np.where(worse | np.append(False, worse[:-1]), old_cut, self.cut)
+        self.aim.cut = np.where(worse | np.append(False, worse[:-1]), old_cut, self.aim.cut)
         self.aim.put_back(worse, old)
         mixed = np.where(worse[:, None], q, tried)
         # points that went back beside others that stay as tried: smooth their strokes over the seam
@@ -300,6 +298,10 @@ class PathSolver:
         """Mark steps to a point that cost more than a share of a break: another posture, or on its way."""
         step = (self.cost.metric * np.diff(q, axis=0, prepend=q[:1]) ** 2).sum(axis=1)
         return np.asarray(step > share * self.model.break_cost * gaps)
+
+    def _is_cut(self, q: Array, gaps: Array) -> NDArray[np.bool_]:
+        """Mark steps to a point of another posture: dearer than a break, or once round."""
+        return self._is_steep(q, gaps, 1.0) | np.append(False, is_reroll(self.arm, q[:-1], q[1:]))
 
     def _free(self, q: Array) -> Array:
         """Measure what every point keeps clear [m], minus infinity where it is unsolved, shape (n,)."""
@@ -324,7 +326,7 @@ class PathSolver:
         """Distances along the chain of solved points, infinite where it cannot be continuous."""
         gaps = distances(self.aim.T[rows], self.model.far)
         gaps[1:][is_reroll(self.arm, x[:-1], x[1:])] = np.inf
-        gaps[np.diff(np.cumsum(self.cut)[rows], prepend=0) > 0] = np.inf
+        gaps[np.diff(np.cumsum(self.aim.cut)[rows], prepend=0) > 0] = np.inf
         return gaps
 
     def keep_good(self, q: Array) -> Array:
@@ -365,7 +367,7 @@ class PathSolver:
         live = np.flatnonzero(np.isfinite(q[:, 0]))
         gaps = distances(self.aim.T[live], self.model.far)
         needed = (np.abs(np.diff(q[live], axis=0)) / self.arm.max_speed).max(axis=1, initial=0.0)
-        thrown = self._is_steep(q[live], gaps, KINK)[1:] | (np.diff(np.cumsum(self.cut)[live]) > 0)
+        thrown = self._is_steep(q[live], gaps, KINK)[1:] | (np.diff(np.cumsum(self.aim.cut)[live]) > 0)
         allowed = np.where(thrown, 0.0, self.model.reroll_s)
         gaps[1:][needed > gaps[1:] / self.model.nozzle_speed + allowed] = np.inf
         breaks[live] = ~np.isfinite(gaps)

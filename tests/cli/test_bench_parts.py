@@ -27,7 +27,7 @@ def test_the_dense_search_finds_what_solving_finds_and_nothing_out_of_reach():
     found = find_most_clearance(ARM, path, rows, obstacles)
     wanted = ARM.description.clearance.wanted
     assert (found >= np.minimum(solved.clearance[rows], wanted) - 0.01).all()
-    far = replace(path, position=path.position + [40.0, 0.0, 0.0])
+    far = replace(path, position=path.position + np.array([40.0, 0.0, 0.0]))
     assert find_most_clearance(ARM, far, rows[:1], obstacles).tolist() == [-np.inf]
 
 
