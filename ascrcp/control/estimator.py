@@ -17,7 +17,7 @@ from ascrcp.core.clock import CYCLE_S
 
 @dataclass(frozen=True, slots=True)
 class SensorModel:
-    """Step [rad or m], time constant [s] and noise [share of a step] of a joint's sensor."""
+    """Step [rad or m] and time constant [s] of a joint's sensor."""
 
     resolution: float
     lag_s: float

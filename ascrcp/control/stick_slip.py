@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from ascrcp.control.characteristic import Characteristic
 from ascrcp.control.config import JointConfig
-from ascrcp.control.joint import Ramp, Want
+from ascrcp.control.joint import Want
 from ascrcp.core.clock import CYCLE_S
 
 _STILL = 2
@@ -23,6 +23,9 @@ _BEHIND = 2.0
 
 _NEAR = 5.0
 """Half teeth within which a piece at rest is measured out beforehand (placeholder)."""
+
+_BACK = 0.75
+"""Share of the shortest piece below which a remainder needs a piece back first (placeholder)."""
 
 _TRIES = 8
 """Pieces at rest after which the zone left alone is widened by itself (placeholder)."""
@@ -50,7 +53,6 @@ class StickSlipControl:
         self._band = own.band * si
         self._zone = own.zone * si
         self._resolution = config.resolution * si
-        self._ramp = Ramp(config.ramp)
         self._still = _STILL + math.ceil(own.stop_s / CYCLE_S)
         self.start_drive = [own.drive, own.drive]
         self.tail = [own.tail_s, own.tail_s]
@@ -59,7 +61,6 @@ class StickSlipControl:
 
     def clear(self) -> None:
         """Forget the past, keep what was learned of the drive."""
-        self._ramp.clear()
         self._piece = _Piece()
         self._sign = 0
         self._idle = self._still
@@ -77,8 +78,7 @@ class StickSlipControl:
             self._rest(want)
         elif want.wait or self._is_enough(want):
             self._sign, self._idle = 0, 0
-        self._ramp.drive = self._piece_drive(want)  # half a ramp would be no motion at all
-        return self._ramp.drive
+        return self._piece_drive(want)  # not ramped: half a ramp would be no motion at all
 
     def _left(self, want: Want, later: float) -> float:
         """Error the reference will have run up, if the joint stood, some time from now."""
@@ -100,7 +100,7 @@ class StickSlipControl:
             return
         self._tries += 1
         least = self._length(sign, self._own.cycles)
-        self._back = is_still and abs(error) < 0.75 * least and not self._back
+        self._back = is_still and abs(error) < _BACK * least and not self._back
         if self._back:
             self._begin(want, -sign, self._own.cycles + 1)
         else:
