@@ -39,6 +39,7 @@ class Verdict:
         axis_mm: Distance of the axes in the middle of the unsprayed part [mm].
         bare: Whether recognition says that no sprayed surface bears its axis.
         sigma_deg: One standard deviation of the axis' direction that recognition tells [deg].
+        floor_deg: Where it is bare, what no method can do better than, one standard deviation [deg].
         station_mm: Of each arch found, where its plane meets the axis, as in features.json [mm].
         crown_mm: Likewise at the crown [mm].
         lean_deg: Likewise [deg].
@@ -59,6 +60,7 @@ class Verdict:
     axis_mm: float
     bare: bool
     sigma_deg: float = 0.0
+    floor_deg: float = 0.0
     station_mm: list[float] = field(default_factory=list)
     crown_mm: list[float] = field(default_factory=list)
     lean_deg: list[float] = field(default_factory=list)

@@ -73,6 +73,11 @@ def load_variety(path: Path | None = None) -> Variety:
     return load(path or CONFIG / "simulation" / "variety.yaml", Variety)
 
 
+def tunnel_of(variety: Variety, kind: Kind) -> TunnelConfig:
+    """Lay the overlays of a kind over config/simulation/tunnel.yaml."""
+    return load(CONFIG / "simulation" / "tunnel.yaml", TunnelConfig, merge(variety.common, kind.tunnel))
+
+
 def draw_sample(variety: Variety, kind: Kind, seed: int, points: Range | None = None) -> Sample:
     """Build and scan one heading; the lidar stands at the end of the shotcrete arm's zero pose.
 
@@ -83,7 +88,7 @@ def draw_sample(variety: Variety, kind: Kind, seed: int, points: Range | None = 
         points: Beams to cast in place of the kind's own [millions].
     """
     rng = np.random.default_rng(seed)
-    config = load(CONFIG / "simulation" / "tunnel.yaml", TunnelConfig, merge(variety.common, kind.tunnel))
+    config = tunnel_of(variety, kind)
     heading = build_heading(config, rng)
     lidar = load(CONFIG / "simulation" / "lidar.yaml", LidarConfig)
     beams = 1e6 * draw(rng, points or kind.points)
