@@ -59,7 +59,7 @@ class AlarmsPage(Page):
             grid.addWidget(value, line, 1)
         grid.setColumnStretch(1, 1)
         self.table = TextTable(
-            ("alarm_time", "alarm_first", "alarm_code", "cause", "alarm_lasted"), (90, 80, 90, 0, 190), ROWS
+            ("alarm_time", "alarm_first", "alarm_code", "cause", "alarm_lasted"), (140, 80, 90, 0, 190), ROWS
         )
         self.heading, self.place = make_label("title"), make_label("small", centred=True, width=190)
         self.newer, self.older = make_button("plain", name="newer"), make_button("plain", name="older")

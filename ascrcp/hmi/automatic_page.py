@@ -1,9 +1,8 @@
-"""The automatic page: 3-D scene with the dry run, joints and nozzle (thesis 6.1.2)."""
+"""The automatic page: a large 3-D scene, the nozzle and the dry run beside it (thesis 6.1.2)."""
 
 from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout
 
 from ascrcp.hmi.contract import Session
-from ascrcp.hmi.joint_table import JointTable
 from ascrcp.hmi.nozzle_panel import NozzlePanel
 from ascrcp.hmi.page import Page
 from ascrcp.hmi.panel import make_label
@@ -13,6 +12,9 @@ from ascrcp.hmi.scene_view import SceneView
 from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen
 from ascrcp.session.snapshot import Scene, Snapshot
+
+SIDE_PX = 356
+"""Width of what stands beside the scene: the nozzle's longest row [px]."""
 
 
 class AutomaticPage(Page):
@@ -26,21 +28,20 @@ class AutomaticPage(Page):
         self.playback = PlaybackBar(screen.refresh_ms)
         self.dry_note = make_label("warning", centred=True)
         self.dry_note.hide()
-        self.joints = JointTable(session.arm.joints, screen.stale_ms)
         self.nozzle = NozzlePanel()
         left, right = QVBoxLayout(), QVBoxLayout()
         left.setSpacing(6)
         left.addWidget(self.dry_note)
         left.addWidget(self.scene, 1)
-        left.addWidget(self.playback)
         right.setSpacing(6)
-        right.addWidget(self.joints)
         right.addWidget(self.nozzle, 1)
+        right.addWidget(self.playback)
+        self.nozzle.setFixedWidth(SIDE_PX)
         row = QHBoxLayout(self)
         row.setContentsMargins(0, 0, 0, 0)
         row.setSpacing(8)
-        row.addLayout(left, 50)
-        row.addLayout(right, 49)
+        row.addLayout(left, 1)
+        row.addLayout(right)
         self.playback.posed.connect(self._pose)
 
     def set_language(self, language: Language) -> None:
@@ -48,7 +49,6 @@ class AutomaticPage(Page):
         super().set_language(language)
         for panel in (self.scene, self.playback, self.nozzle):
             panel.set_language(language)
-        self.joints.joint_model.set_language(language)
         self.dry_note.setText(say("dry_run_note", language))
 
     def set_theme(self, screen: Screen) -> None:
@@ -60,10 +60,9 @@ class AutomaticPage(Page):
         self.scene.note_progress(snapshot)
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
-        """Draw arm, joints and nozzle."""
+        """Draw arm and nozzle."""
         self.scene.show_snapshot(snapshot)
         self.playback.show_snapshot(snapshot)
-        self.joints.joint_model.show_snapshot(snapshot)
         self.nozzle.show_snapshot(snapshot)
 
     def show_scene(self, scene: Scene) -> None:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, Qt
 from PySide6.QtGui import QShowEvent
 from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
 
@@ -166,8 +166,17 @@ class JointTable(QTableView):
 
     def showEvent(self, event: QShowEvent) -> None:  # noqa: N802
         """Fit the columns to the font that is really there."""
+        super().showEvent(event)
+        self._fit()
+
+    def changeEvent(self, event: QEvent) -> None:  # noqa: N802
+        """Fit them again when the font or the style has changed."""
+        super().changeEvent(event)
+        if event.type() in (QEvent.Type.FontChange, QEvent.Type.StyleChange):
+            self._fit()
+
+    def _fit(self) -> None:
         metrics = self.fontMetrics()
         for column in range(1, len(self.joint_model.columns)):
             width = metrics.horizontalAdvance(WIDEST[column]) + PADDING_PX
             self.horizontalHeader().resizeSection(column, width)
-        super().showEvent(event)

@@ -11,6 +11,9 @@ from ascrcp.session.state import Mode
 ROWS = ("position", "wanted", "direction", "nozzle_error", "points", "spray")
 
 
+NAME_PX = 124
+
+
 class NozzlePanel(Panel):
     """Automatic module and semi-automatic module in one: the mode decides title and spray row."""
 
@@ -21,13 +24,12 @@ class NozzlePanel(Panel):
         grid.setVerticalSpacing(0)
         self.title = make_label("title")
         grid.addWidget(self.title, 0, 0, 1, 2)
-        self.names = {key: make_label("muted") for key in ROWS}
+        self.names = {key: make_label("muted", width=NAME_PX) for key in ROWS}
         self.values = {key: make_label("value") for key in ROWS}
         for line, key in enumerate(ROWS, 1):
             grid.addWidget(self.names[key], line, 0)
             grid.addWidget(self.values[key], line, 1)
-        grid.setColumnStretch(0, 2)
-        grid.setColumnStretch(1, 4)
+        grid.setColumnStretch(1, 1)
 
     def set_language(self, language: Language) -> None:
         """Write the fixed texts in a language."""
@@ -51,7 +53,8 @@ class NozzlePanel(Panel):
             "position": quantity.show_point(snapshot.tip, quantity.POSITION),
             "wanted": quantity.show_point(snapshot.tip_target, quantity.POSITION),
             "direction": quantity.show_point(snapshot.tip_direction, quantity.DIRECTION),
-            "nozzle_error": "   ".join(error),
+            # between strokes the nozzle is on its way, not off it
+            "nozzle_error": "   ".join(error) if snapshot.spraying else quantity.NOTHING,
             "points": points,
             "spray": self._describe_spray(snapshot, is_semi),
         }

@@ -2,7 +2,7 @@
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QSlider
+from PySide6.QtWidgets import QGridLayout, QSlider
 
 from ascrcp.core.flow import JointSequence
 from ascrcp.hmi.panel import Panel, make_button, make_label, set_text
@@ -49,14 +49,14 @@ class PlaybackBar(Panel):
         self.slider.setFocusPolicy(Qt.FocusPolicy.TabFocus)
         self.slider.setRange(0, 1000)
         self.slider.setPageStep(50)
-        self.time = make_label("small", centred=True, width=104)
-        row = QHBoxLayout(self)
-        row.setContentsMargins(0, 0, 0, 0)
-        row.setSpacing(6)
-        self.play_button.setFixedWidth(124)
-        self.end_button.setFixedWidth(92)
-        for widget, share in ((self.play_button, 0), (self.slider, 1), (self.time, 0), (self.end_button, 0)):
-            row.addWidget(widget, share)
+        self.time = make_label("small", centred=True)
+        grid = QGridLayout(self)
+        grid.setContentsMargins(0, 0, 0, 0)
+        grid.setSpacing(4)
+        grid.addWidget(self.play_button, 0, 0)
+        grid.addWidget(self.end_button, 0, 1)
+        grid.addWidget(self.slider, 1, 0, 1, 2)
+        grid.addWidget(self.time, 2, 0, 1, 2)
         self.play_button.clicked.connect(self._press_play)
         self.end_button.clicked.connect(self.end)
         self.slider.valueChanged.connect(self._slide)

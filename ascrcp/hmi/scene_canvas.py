@@ -22,9 +22,9 @@ from ascrcp.hmi.scene_part import (
 from ascrcp.hmi.theme import Screen, colour_fields, rgb
 from ascrcp.session.snapshot import Scene
 
-SPRAYED_PX = 13
+SPRAYED_PX = 5
 """Width of the sprayed band on the wall [px]."""
-SPRAYED_ALPHA = 130
+SPRAYED_ALPHA = 90
 DRAG_DEG_PX = 0.3
 """Degrees the view turns for a pixel dragged; the buttons do the same without dragging."""
 GHOST_DASH = (3.0, 2.0)
@@ -195,7 +195,7 @@ class SceneCanvas(QWidget):
             painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_DestinationOver)
             self._lines(painter, self._hits[fresh], QPen(band, SPRAYED_PX))
             painter.setCompositionMode(QPainter.CompositionMode.CompositionMode_SourceOver)
-        self._lines(painter, self._scene.path[fresh], QPen(self._pens["path_done"], 3))
+        self._lines(painter, self._scene.path[fresh], QPen(self._pens["path_done"], 2))
         painter.end()
         self._drawn = self._done
 

@@ -107,7 +107,7 @@ TEXT: dict[str, tuple[str, str]] = {
     "nozzle_error": ("Nozzle error", "喷头误差"),
     "points": ("Points", "规划点"),
     "points_value": (
-        "{reached} of {points} reached, {skipped} skipped",
+        "{reached} of {points}, {skipped} skipped",
         "已达 {reached} / {points}，跳过 {skipped}",
     ),
     "spray": ("Spray", "喷射"),

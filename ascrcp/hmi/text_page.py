@@ -30,8 +30,6 @@ PAGE_TEXT: dict[str, tuple[str, str]] = {
     "dry_run_end": ("✖ End", "✖ 结束"),
     "dry_run_time": ("{now} of {whole}", "{now}，共 {whole}"),
     "dry_run_note": ("DRY RUN: nothing moves", "预演：机械不动作"),
-    "dry_run_none": ("Dry run: load data first", "预演：请先读取数据"),
-    "dry_run_busy": ("Dry run: not while the arm moves", "预演：机械臂运动时不可用"),
     # wall
     "wall_offset": ("Overbreak", "超挖"),
     "wall_predicted": ("Thickness\npredicted", "预计厚度"),
@@ -44,8 +42,6 @@ PAGE_TEXT: dict[str, tuple[str, str]] = {
     "wall_right": ("right", "右"),
     "wall_crown": ("crown", "拱顶"),
     "wall_face": ("station [m], face at the top", "里程 [m]，上方为掌子面"),
-    "wall_nozzle": ("nozzle", "喷头"),
-    "wall_to_spray": ("to spray", "待喷"),
     "wall_no_layer": ("The round holds no such map", "本循环无此图"),
     "section_title": ("Section at {station}", "里程 {station} 断面"),
     "section_back": ("− station", "− 里程"),
@@ -84,8 +80,6 @@ PAGE_TEXT: dict[str, tuple[str, str]] = {
     "late_missed": ("Missed", "丢失周期"),
     "ago": ("{value} ago", "{value} 前"),
     "never": ("never", "从未"),
-    "trend_joint": ("Joint {n}", "关节 {n}"),
-    "trend_tip": ("Nozzle", "喷头"),
     "trend_span": ("last {time}", "最近 {time}"),
     "trend_actual": ("actual", "实际"),
     "trend_target": ("target", "目标"),
@@ -93,10 +87,9 @@ PAGE_TEXT: dict[str, tuple[str, str]] = {
     "trend_next": ("next ▶", "下一个 ▶"),
     "trend_previous": ("◀ previous", "◀ 上一个"),
     # alarms page
-    "first_out": ("First out", "首发报警"),
     "history": ("History", "历史"),
     "history_none": ("Nothing has happened yet", "尚无记录"),
-    "alarm_time": ("Time", "时间"),
+    "alarm_time": ("Job time, min:s", "作业时间 分:秒"),
     "alarm_code": ("Fault", "故障"),
     "alarm_lasted": ("Lasted", "持续"),
     "alarm_active": ("▲ active", "▲ 生效中"),
@@ -106,8 +99,4 @@ PAGE_TEXT: dict[str, tuple[str, str]] = {
     "alarm_older": ("▼ older", "▼ 较旧"),
     "alarm_page_of": ("{first} to {last} of {all}", "{first}–{last}，共 {all} 条"),
     # semi-automatic page until a stick takes over
-    "semi_hint": (
-        "Choose semi-automatic mode, then steps 1 to 5; the stick moves the nozzle along the plan.",
-        "选择半自动模式，完成第 1 至 5 步后，用摇杆沿轨迹移动喷头。",
-    ),
 }

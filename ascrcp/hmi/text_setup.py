@@ -47,18 +47,15 @@ SETUP_TEXT: dict[str, tuple[str, str]] = {
     "move_end": ("End test", "结束测试"),
     "move_minus": ("− hold", "− 按住"),
     "move_plus": ("+ hold", "+ 按住"),
-    "move_off": ("This session takes no joint test.", "当前会话不支持关节测试。"),
     # editor
     "edit_key": ("Parameter", "参数"),
     "edit_value": ("Value", "数值"),
-    "edit_change": ("Change", "修改"),
     "edit_save": ("Check and save", "检查并保存"),
     "edit_undo": ("Undo all", "全部撤销"),
     "edit_good": ("● The file is sound", "● 文件有效"),
     "edit_changed": ("■ {n} changed, not saved", "■ 已改 {n} 项，未保存"),
     "edit_saved": ("✔ Saved; it holds from the next start on", "✔ 已保存，下次启动后生效"),
     "edit_refused": ("▲ Refused: {reason}", "▲ 被拒绝：{reason}"),
-    "edit_apply": ("Take value", "采用"),
     # rig faults
     "rig_text": (
         "Only on the simulated rig: what a fault does. Everything here is undone by Heal all.",

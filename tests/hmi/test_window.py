@@ -140,7 +140,11 @@ def shown_texts(window: Window) -> dict[str, str]:
     for index, widget in enumerate(window.findChildren(QObject)):
         if isinstance(widget, (QLabel, QAbstractButton)) and widget.isVisible() and widget.text():
             texts[f"{index} {type(widget).__name__}"] = widget.text()
-    model = window.automatic.joints.joint_model
+    window.show_page("joints")
+    refresh(window, 2)
+    model = window.joints_page.table.joint_model
+    window.show_page("automatic")
+    refresh(window)
     for column in range(model.columnCount()):
         texts[f"header {column}"] = model.headerData(column, Qt.Orientation.Horizontal)
     for row in range(model.rowCount()):
@@ -188,11 +192,16 @@ def test_numbers_are_shown_in_their_units(open_window: Opener) -> None:
     session.more = {
         "q": q, "q_target": (0.6, -0.1, 1.2445, 0.2, 0.0, float("nan"), 3.0, 2.0),
         "drive": (0.255, -1.0, 0, 0, 0, 0, 0, 0), "age_ms": (8, 8, 8, 8, 8, 8, 8, 500),
+        "spraying": True,
         "tip": (8.1, -2.4, 3.0), "tip_error_mm": 17.34, "tip_error_deg": 0.42, "reached": 118, "skipped": 2,
         "points": 482, "oil_temp_c": 43.6, "t_s": 754.2,
     }  # fmt: skip
     window = open_window(session)
-    model = window.automatic.joints.joint_model
+    window.show_page("joints")
+    refresh(window, 2)
+    model = window.joints_page.table.joint_model
+    window.show_page("automatic")
+    refresh(window)
 
     def row(number: int) -> list[str]:
         return [model.data(model.index(number - 1, column)) for column in range(1, 5)]
@@ -204,7 +213,7 @@ def test_numbers_are_shown_in_their_units(open_window: Opener) -> None:
     assert row(8)[0] == "▲ –"
     assert window.automatic.nozzle.values["position"].text() == "8.100  -2.400  3.000 m"
     assert window.automatic.nozzle.values["nozzle_error"].text() == "17 mm   0.4°"
-    assert window.automatic.nozzle.values["points"].text() == "118 of 482 reached, 2 skipped"
+    assert window.automatic.nozzle.values["points"].text() == "118 of 482, 2 skipped"
     assert window.line.fields["oil"].text() == "Oil 44 °C"
     assert window.line.fields["job_time"].text() == "Job time 12:34"
     assert "max 2.7 ms" in window.line.fields["cycle"].text()
@@ -408,7 +417,7 @@ def test_no_value_in_the_joint_table_is_cut(open_window: Opener, language: Langu
     session.more = {"q": far, "q_target": far, "drive": (-1.0,) * 8, "age_ms": (999.0,) * 8}
     window = open_window(session, language)
     refresh(window, 2)
-    for page, table in (("automatic", window.automatic.joints), ("joints", window.joints_page.table)):
+    for page, table in (("joints", window.joints_page.table),):
         window.show_page(page)
         refresh(window, 2)
         for row, column in product(range(8), range(table.joint_model.columnCount())):
