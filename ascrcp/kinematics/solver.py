@@ -38,7 +38,10 @@ LOW_SHARE = 10.0
 """A clearance short of the wanted by less than a cell of the field over this is taken as kept."""
 
 CUT = 0.005
-"""A step that throws the arm has to gain so many metres at each end: what counts as the same clearance."""
+"""A cut of a stroke has to gain so many metres at each end: what counts as the same clearance."""
+
+THROWN = 0.01
+"""The same of a step that throws the arm while it sprays on; placeholder."""
 
 SAME = 0.01
 """Joints of two solutions of a point that differ by less [rad, m] go over into each other."""
@@ -46,7 +49,7 @@ SAME = 0.01
 UNSOLVED = 1.0
 """A point lost or won counts as so many metres of clearance."""
 
-KINK = 0.05
+KINK = 0.02
 """Share of a break that a step to another point costs, beyond which the arm is thrown; placeholder."""
 
 PROMISE_KEPT = 0.005
@@ -277,7 +280,8 @@ class PathSolver:
         self.aim.cut = old_cut | (beside & self._is_cut(tried, gaps))
         kinked = self._is_steep(tried, gaps, KINK) & ~steep
         worth = [np.clip(each, -UNSOLVED, model.wanted) for each in (free, self._free(tried))]
-        gain = worth[1] - worth[0] - CUT * (kinked | np.append(kinked[1:], False))
+        price = np.where(self._is_cut(tried, gaps), CUT, THROWN) * kinked
+        gain = worth[1] - worth[0] - np.maximum(price, np.append(price[1:], 0.0))
         changed = mine | (self.aim.tilt != old.tilt).any(axis=1)
         stretch = np.cumsum(np.diff(changed, prepend=False) | ~np.isfinite(gaps))
         worse = changed & (np.bincount(stretch, gain)[stretch] <= 0.0)
