@@ -119,7 +119,7 @@ def test_pictures_show_something_at_every_step(result: dict[str, Any]) -> None:
 
 def test_report_is_one_page_with_the_error_table(result: dict[str, Any]) -> None:
     page = Path(result["report"]).read_text()
-    assert page.count("data:image/png;base64,") == 4
+    assert page.count("data:image/png;base64,") == 5
     for text in ("SIMULATION", "Nozzle error", f"{result['nozzle_error_mm']['mean']:.1f}", "arch 钢拱"):
         assert text in page
     assert "http" not in page, "the page needs nobody else"

@@ -19,7 +19,7 @@ from ascrcp.kinematics.parameter import (
 ARM = load_arm("kc")
 CONFIG = load_config()
 PARAMETERS = find_independent(ARM, list_parameters(ARM, CONFIG.expected), 181.0)[0]
-SIZES = {"deg": 1.0, "m": 0.02, "mm": 20.0, "mm/kg": 0.05, "": -1.2}
+SIZES = {"deg": 1.0, "m": 0.02, "mm": 20.0, "mm/kg": 0.05, "": 1.0}
 
 
 @dataclass(frozen=True)

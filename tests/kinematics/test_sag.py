@@ -42,7 +42,7 @@ def test_sag_at_full_reach_is_of_the_class_of_table_2_1():
     assert (np.diff(drop) > 0).all()
     assert 0.055 <= drop[2] <= 0.096
     loaded, _ = compute_sag(model, np.array([13.0]), 181.0)
-    assert loaded[0] - drop[2] == pytest.approx(0.017, abs=1e-3)
+    assert 0.017 <= loaded[0] - drop[2] <= 0.040  # 181 kg: 36 -> 53 mm in the mean, 80 -> 120 mm at most
 
 
 @pytest.mark.parametrize("payload_kg", [-1.0, np.nan, np.inf, 1e5])
