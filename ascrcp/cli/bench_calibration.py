@@ -17,7 +17,7 @@ FITTED, FRESH = 60, 60
 """Surveyed poses of each: fitted, as `ascrcp calibrate --simulate 60` draws them, and measured afterwards."""
 
 SAG_MM = 205.0
-"""Sag of the simulated boom, 72 where the machine file was surveyed, so that the tip misses by about 90 mm."""
+"""Sag of the simulated boom, 72 where the machine file was surveyed: the tip misses by about 90 mm."""
 
 AIM_MM = 10.0
 
