@@ -3,7 +3,7 @@
 
 BIN = .venv/bin
 
-.PHONY: run test setup lint format lock proof bench fuzz
+.PHONY: run test setup lint format lock proof bench fuzz soak
 
 run: setup
 	$(BIN)/ascrcp $(ARGS)
@@ -37,6 +37,10 @@ bench: setup
 # 2,000 corrupted cloud files over all formats: each refused with one clear error, memory flat. Minutes.
 fuzz: setup
 	ASCRCP_FUZZ_FILES=2000 $(BIN)/python -m pytest tests/perception/test_reader_fuzz.py $(ARGS)
+
+# Eight hours of the screen on the rig in virtual time: does memory stay flat? ARGS="--round DIR" of a solved round.
+soak: setup
+	QT_QPA_PLATFORM=offscreen $(BIN)/python -m ascrcp.hmi.soak $(ARGS)
 
 # After a change of dependencies in pyproject.toml; commit uv.lock with it.
 lock: setup
