@@ -5,6 +5,7 @@ between the angles measured around it.
 """
 
 import math
+from collections import deque
 from typing import Protocol
 
 import numpy as np
@@ -25,7 +26,8 @@ ARRIVED = 5e-4  # pan counts as arrived within this of its target [rad], twice i
 ARRIVE_NS = 40 * NS  # half a turn at the sweep speed, with margin: later is a stuck head (fault F36)
 MISSED_SHARE = 0.02  # of the lines: more gaps than this are a lidar that loses data (fault F35, F37: 0.3 m)
 MISSED_RUN = 3  # lines lost in a row: 0.12 s at 25 lines/s, 0.15 m of wall at 12 m (fault F35)
-REST_RAD = 2e-3  # arm counts as moving when a joint changes by more than this between lines (F35)
+REST = 4e-3  # arm counts as moving when a joint's mean reading changes by more than this [rad or m] (F35)
+REST_CYCLES = 10  # of that mean: with 0.1 deg steps a single reading jumps by 0.3 deg at rest
 
 
 class Scanner:
@@ -43,6 +45,8 @@ class Scanner:
         self._pans: list[tuple[int, float]] = []
         self._beam: np.ndarray | None = None
         self._q: tuple[float, ...] = ()
+        self._recent: deque[tuple[float, ...]] = deque(maxlen=REST_CYCLES)
+        self._rest: np.ndarray | None = None
         self._sweep_from_ns: int | None = None
         self._begun_ns: int | None = None
         self._next_line_ns = 0
@@ -66,6 +70,7 @@ class Scanner:
         for number, q in enumerate(inputs.q[:6], start=1):
             if not math.isfinite(q):
                 raise DeviceError(f"joint sensor {number} has no value while scanning")
+        self._recent.append(inputs.q[:6])
         if self._begun_ns is None:
             self._begun_ns = now
             self._pan.point_pan(self._start)
@@ -84,9 +89,7 @@ class Scanner:
 
     def _sweep(self, now: int, inputs: MachineInputs) -> None:
         assert self._sweep_from_ns is not None
-        moved = max(abs(a - b) for a, b in zip(inputs.q[:6], self._q[:6], strict=True))
-        if not moved <= 2 * REST_RAD:
-            raise DeviceError("the arm moved while scanning; it must stand still")
+        self._check_rest()
         target = self._start + self._speed * (now - self._sweep_from_ns) / NS
         self._pan.point_pan(min(target, self._end))
         self._pans.append((now - inputs.pan_age_ns, inputs.pan))
@@ -101,6 +104,16 @@ class Scanner:
             self.done = True
         elif now - self._sweep_from_ns > 2 * ARRIVE_NS:
             raise DeviceError(f"pan head stuck at {np.degrees(inputs.pan):.2f} deg during the sweep")
+
+    def _check_rest(self) -> None:
+        """Refuse an arm that moves: mean of the last readings against that when the sweep began."""
+        if len(self._recent) < REST_CYCLES:
+            return
+        mean = np.mean(self._recent, axis=0)
+        if self._rest is None:
+            self._rest = mean
+        if not float(np.max(np.abs(mean - self._rest))) <= REST:
+            raise DeviceError("the arm moved while scanning; it must stand still")
 
     def _judge(self, line: LidarLine) -> None:
         """Refuse a scanner that calls itself unwell or loses lines (fault F35); silently nothing is kept."""

@@ -1,6 +1,7 @@
 """The sweep refuses what it cannot trust: an unwell lidar, lost lines, a joint without a value (F35, F36)."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -46,12 +47,19 @@ class Head:
         )
 
 
-def sweep(head: Head, q: tuple[float, ...] = (0.0,) * 8) -> Scanner:
+Joints = Callable[[int], tuple[float, ...]]
+
+
+def still(k: int) -> tuple[float, ...]:
+    return (0.0,) * 8
+
+
+def sweep(head: Head, q: Joints = still) -> Scanner:
     scanner = Scanner(head, SWEEP, head)
     for k in range(3000):
         inputs = MachineInputs(
             t_ns=k * CYCLE_NS,
-            q=q,
+            q=q(k),
             age_ns=(0,) * 8,
             in_range=(True,) * 8,
             pan=head.angle,
@@ -99,4 +107,30 @@ def test_a_joint_without_a_value_ends_the_scan(joint: int, value: float) -> None
     q = [0.0] * 8
     q[joint] = value
     with pytest.raises(DeviceError, match=f"joint sensor {joint + 1}"):
-        sweep(Head(), tuple(q))
+        sweep(Head(), lambda k: tuple(q))
+
+
+def test_f35_readings_that_flicker_at_rest_are_no_motion() -> None:
+    rng = np.random.default_rng(4)
+    step, noise = math.radians(0.1), math.radians(0.04)  # twice the noise of the rig's inclinometers
+
+    def read(k: int) -> tuple[float, ...]:
+        boom, lance = np.round((0.0005 + rng.normal(0.0, noise, 2)) / step) * step
+        return (0.0, boom, 0.0, lance - boom, 0.0, 0.0, 0.0, 0.0)
+
+    assert sweep(Head(), read).scan().complete
+
+
+@pytest.mark.parametrize("joint", range(6))
+@pytest.mark.parametrize("speed", [math.radians(0.02), 1.0])
+def test_f35_an_arm_that_moves_ends_the_scan(joint: int, speed: float) -> None:
+    """Whether it creeps [rad/s or m/s] from the start, or starts late."""
+    start = 0 if speed < 1.0 else 700
+
+    def read(k: int) -> tuple[float, ...]:
+        q = [0.0] * 8
+        q[joint] = speed * max(0, k - start) * CYCLE_NS / 1e9
+        return tuple(q)
+
+    with pytest.raises(DeviceError, match="stand still"):
+        sweep(Head(), read)
