@@ -4,7 +4,8 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ascrcp.cli import command, parser
+from ascrcp.cli import parser
+from ascrcp.cli.dispatch import find_command
 from ascrcp.cli.output import Output, guarded
 
 
@@ -24,14 +25,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: parser.Options, output: Output) -> int:
     if options.command is not None:
-        return command.COMMANDS[options.command](options, output)
+        return find_command(options.command)(options, output)
     has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     offscreen = options.offscreen or (sys.platform.startswith("linux") and not has_display)
     if offscreen and not options.offscreen:
         output.say("no display: the whole automatic job runs headless (--offscreen)")
-    from ascrcp.hmi import application  # Qt only for who asks for the screen
+    from ascrcp.cli import drive  # not for a command that needs neither session nor Qt
+    from ascrcp.hmi import application
 
-    session = command.open_session(options, lockstep=offscreen)
+    session = drive.open_session(options, lockstep=offscreen)
     if not offscreen:
         return application.run(session, offscreen=False, pictures=options.pictures, auto=False)
     pictures = options.pictures or session.round.pictures
@@ -44,7 +46,7 @@ def _run(options: parser.Options, output: Output) -> int:
             tell=tell,
             gallery=options.pictures is not None,
         )
-    return command.finish_job(session, output, code)
+    return drive.finish_job(session, output, code)
 
 
 if __name__ == "__main__":

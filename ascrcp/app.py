@@ -38,9 +38,9 @@ from ascrcp.session.replay import ReplayBus
 from ascrcp.session.round import Round, open_round
 from ascrcp.session.session import Session
 from ascrcp.session.setup import ReportConfig, Setup
-from ascrcp.session.stages import find_obstacles
 from ascrcp.session.steering import KernelMaker
 from ascrcp.session.store import write_json
+from ascrcp.session.surroundings import find_obstacles
 from ascrcp.simulation.heading import build_heading
 from ascrcp.simulation.lidar import LidarServer
 from ascrcp.simulation.lidar_model import LidarConfig

@@ -1,102 +1,22 @@
 """The stages of the job as commands: options -> files in the round folder and one JSON object."""
 
-import contextlib
-from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 
-from ascrcp.app import Options as AppOptions
-from ascrcp.app import find_profile, load_simulation, open_replay
-from ascrcp.app import open_session as open_app_session
-from ascrcp.cli.arm import forward, inverse, machines
-from ascrcp.cli.bench import bench
-from ascrcp.cli.calibrate import calibrate_machine
-from ascrcp.cli.doctor import doctor
-from ascrcp.cli.duct import duct
-from ascrcp.cli.muck import muck
-from ascrcp.cli.output import FAILED, OK, Output
+from ascrcp.app import find_profile, load_simulation
+from ascrcp.cli.drive import app_options
+from ascrcp.cli.output import OK, Output
 from ascrcp.cli.parser import Options
-from ascrcp.cli.survey import align_lidar, section, thickness
-from ascrcp.cli.table import result_table
-from ascrcp.cli.tune import tune
-from ascrcp.cli.workspace import workspace
-from ascrcp.core.errors import AscrcpError, InputError
+from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.perception.parameter import load_parameters as load_perception
 from ascrcp.planning.parameter import change
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.session import stages
-from ascrcp.session.job import scan_heading
-from ascrcp.session.replay import replay as replay_round
 from ascrcp.session.report import build_report
 from ascrcp.session.round import Round
-from ascrcp.session.session import Session
-from ascrcp.session.state import Step
 from ascrcp.session.store import read_json
-
-ROUNDS = Path("rounds")
-RESET_WAIT_S = 10.0
-
-
-def app_options(options: Options, lockstep: bool) -> AppOptions:
-    """Pick what the composition root needs from the command line."""
-    return AppOptions(
-        machine=options.machine,
-        rig=options.rig,
-        seed=options.seed,
-        load_kg=options.load_kg,
-        cloud=options.cloud,
-        profile=options.profile,
-        control=options.control,
-        lockstep=lockstep,
-    )
-
-
-def open_session(options: Options, lockstep: bool) -> Session:
-    """Open a session on the rig with its round folder."""
-    lockstep = lockstep and not getattr(options, "realtime", False)
-    return open_app_session(app_options(options, lockstep), options.round, ROUNDS)
-
-
-@contextlib.contextmanager
-def _session(options: Options, output: Output) -> Iterator[Session]:
-    session = open_session(options, lockstep=True)
-    try:
-        with output.progress(session):
-            yield session
-    finally:
-        session.close()
-
-
-def _do(session: Session, step: Step) -> None:
-    """Run one step to its end.
-
-    Raises:
-        AscrcpError: It did not succeed; the message says why.
-    """
-    session.start(step)
-    session.wait()
-    if step not in session.snapshot().job.done:
-        raise AscrcpError(session.failure or f"{step.value} was stopped")
-
-
-def scan(options: Options, output: Output) -> int:
-    """Zero the joints and scan the heading."""
-    with _session(options, output) as session:
-        session.reset_and_wait(RESET_WAIT_S)
-        _do(session, Step.ZERO)
-        with session.stopwatch("scan"):
-            scan_heading(session.desk)
-        place = session.round.scan
-        timing = session.desk.timing_s("scan")
-    output.result(
-        {"ok": True, "round": str(place.parent), "scan": str(place), "timing_s": {"scan": timing}},
-        f"scan: {place} ({timing:.1f} s of machine time)",
-    )
-    return OK
 
 
 def recognise(options: Options, output: Output) -> int:
@@ -197,37 +117,6 @@ def _least(clearances: Array) -> float | None:
     return float(known.min()) if known.size else None
 
 
-def run(options: Options, output: Output) -> int:
-    """Drive a solved round on the rig."""
-    Round(options.round).need("joints", "solve")
-    with _session(options, output) as session:
-        session.reset_and_wait(RESET_WAIT_S)
-        for step in (Step.LOAD, Step.GO_TO_START, Step.RUN):
-            _do(session, step)
-        result = job_result(session)
-    output.result(result, result_table(result))
-    return OK if result["ok"] else FAILED
-
-
-def finish_job(session: Session, output: Output, code: int) -> int:
-    """Print what the application's headless job came to."""
-    if not session.desk.result:
-        raise AscrcpError(session.failure or "the job ended before the run")
-    result = job_result(session)
-    output.result(result, result_table(result))
-    return OK if code == OK and result["ok"] else FAILED
-
-
-def job_result(session: Session) -> dict[str, Any]:
-    """Summary of a run with its places (design.md section 9)."""
-    return {
-        **session.desk.result,
-        "round": str(session.round.folder),
-        "report": str(session.round.report),
-        "pictures": [str(p) for p in sorted(session.round.pictures.glob("*.png"))],
-    }
-
-
 def report(options: Options, output: Output) -> int:
     """Build the report of a round."""
     if not options.round.is_dir():
@@ -235,39 +124,3 @@ def report(options: Options, output: Output) -> int:
     place = build_report(options.round, progress=output.bar("report"))
     output.result({"ok": True, "report": str(place)}, str(place))
     return OK
-
-
-def replay(options: Options, output: Output) -> int:
-    """Feed the recorded inputs to a fresh cycle and compare every command."""
-    round_ = Round(options.round)
-    found = replay_round(options.round, lambda bus: open_replay(round_, bus))
-    same = found.differing == 0
-    output.result(
-        {"ok": same, **msgspec.to_builtins(found)},
-        f"{found.cycles} cycles replayed, {found.commands} command frames, {found.differing} differ",
-    )
-    return OK if same else FAILED
-
-
-COMMANDS: dict[str, Callable[[Options, Output], int]] = {
-    "scan": scan,
-    "recognise": recognise,
-    "plan": plan,
-    "solve": solve,
-    "run": run,
-    "report": report,
-    "replay": replay,
-    "fk": forward,
-    "ik": inverse,
-    "machines": machines,
-    "calibrate": calibrate_machine,
-    "tune": tune,
-    "workspace": workspace,
-    "align": align_lidar,
-    "thickness": thickness,
-    "section": section,
-    "duct": duct,
-    "muck": muck,
-    "doctor": doctor,
-    "bench": bench,
-}

@@ -34,8 +34,8 @@ from ascrcp.kinematics.workspace import (
 )
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.session.round import Round
-from ascrcp.session.stages import find_obstacles
 from ascrcp.session.store import read_surface, write_json
+from ascrcp.session.surroundings import find_obstacles
 
 DECIMALS = 4
 

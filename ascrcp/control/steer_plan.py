@@ -10,8 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from ascrcp.control.steer_config import SteerConfig
 from ascrcp.control.steer_pose import find_joints
@@ -127,6 +125,9 @@ def build_steer_plan(
 
 def find_areas(node: NDArray[np.bool_], cross: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Number the connected areas of a mesh, the largest 0; -1 outside, shape (r, a)."""
+    from scipy.sparse import coo_matrix  # not where a plan is only followed: the application starts sooner
+    from scipy.sparse.csgraph import connected_components
+
     number = np.arange(node.size).reshape(node.shape)
     along = node[:, :-1] & node[:, 1:]
     a = np.concatenate([number[:, :-1][along], number[:-1][cross]])

@@ -6,9 +6,7 @@ that minimise sum |q_i - q_j|^2 / distance over the edges are found and brought 
 """
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.linalg import splu
 
 from ascrcp.control.steer_pose import find_joints
 from ascrcp.core.geometry import Array
@@ -46,6 +44,9 @@ def relax_joints(
     Returns:
         Joints that reach the same poses, within the ranges if those given were, shape (n, joints).
     """
+    import scipy.sparse as sp  # not where a plan is only followed: the application starts sooner
+    from scipy.sparse.linalg import splu
+
     if not len(edges) or not len(q):
         return q
     n = len(q)

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from ascrcp.core.errors import AscrcpError, CancelledError, DefectError, DeviceError
+from ascrcp.session.remote import Remote, load_stages
 
 Progress = Callable[[float], None]
 """Called with the fraction done, 0..1; raises CancelledError when the job is to end."""
@@ -40,18 +41,21 @@ class Compute:
         self._closed = False
 
     def start(self) -> None:
-        """Spawn the process ahead of its first use, so that its imports do not delay a stage."""
+        """Spawn the process and load the stages ahead of the first use, so that neither delays it."""
         with self._lock:
             if not self._closed:  # a session that is closed at once must leave no process behind
-                self._ensure()
+                self._ensure(is_ahead=True)
 
-    def _ensure(self) -> None:
+    def _ensure(self, is_ahead: bool = False) -> None:
         if self._process is not None and self._process.is_alive():
             return
         ours, theirs = self._context.Pipe()
         self._cancel = self._context.Event()
         self._process = self._context.Process(
-            target=_serve, args=(theirs, self._cancel, self._niceness), name="ascrcp-compute", daemon=True
+            target=_serve,
+            args=(theirs, self._cancel, self._niceness, is_ahead),
+            name="ascrcp-compute",
+            daemon=True,
         )
         self._process.start()
         theirs.close()
@@ -59,7 +63,7 @@ class Compute:
 
     def run(
         self,
-        function: Callable[..., Any],
+        function: Remote | Callable[..., Any],
         *args: Any,
         progress: Progress | None = None,
         is_cancelled: Callable[[], bool] = lambda: False,
@@ -67,7 +71,7 @@ class Compute:
         """Run `function(*args, progress=...)` in the compute process and return its result.
 
         Args:
-            function: A module-level function that takes a keyword `progress`.
+            function: A stage by name, or a module-level function; it takes a keyword `progress`.
             args: Picklable arguments; arrays go through shared memory.
             progress: Called here with the fraction done.
             is_cancelled: Asked several times a second.
@@ -87,9 +91,8 @@ class Compute:
                 return self._wait(progress, is_cancelled)
             except (EOFError, BrokenPipeError, ConnectionResetError):
                 self._kill()
-                name = function.__name__
                 raise DeviceError(
-                    f"the compute process died while running {name}; the next use starts it again"
+                    f"the compute process died while running {_name(function)}; the next use starts it again"
                 ) from None
 
     def _wait(self, progress: Progress | None, is_cancelled: Callable[[], bool]) -> Any:
@@ -168,6 +171,10 @@ def _receive(pipe: Connection) -> Any:
     return pickle.loads(head, buffers=views)  # noqa: S301 - our own child process
 
 
+def _name(function: Remote | Callable[..., Any]) -> str:
+    return function.value.partition(":")[2] if isinstance(function, Remote) else function.__name__
+
+
 def _defect(name: str, error: Exception) -> DefectError:
     """Describe an error nobody expected; an exception's own object may not survive the journey."""
     defect = DefectError(f"internal error in {name}: {type(error).__name__}: {error}")
@@ -175,10 +182,12 @@ def _defect(name: str, error: Exception) -> DefectError:
     return defect
 
 
-def _serve(pipe: Connection, cancel: Any, niceness: int) -> None:
+def _serve(pipe: Connection, cancel: Any, niceness: int, is_ahead: bool) -> None:
     """Loop of the compute process."""
     with contextlib.suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
+    if is_ahead:
+        load_stages()
 
     def progress(fraction: float) -> None:
         if cancel.is_set():
@@ -191,9 +200,10 @@ def _serve(pipe: Connection, cancel: Any, niceness: int) -> None:
         except (EOFError, KeyboardInterrupt):
             return
         try:
-            answer = ("result", function(*args, progress=progress))
+            call = function.function if isinstance(function, Remote) else function
+            answer = ("result", call(*args, progress=progress))
         except AscrcpError as error:
             answer = ("error", error)
         except Exception as error:  # noqa: BLE001 - carried to the caller with its traceback, not swallowed
-            answer = ("error", _defect(function.__name__, error))
+            answer = ("error", _defect(_name(function), error))
         _send(pipe, answer)

@@ -9,18 +9,17 @@ import numpy as np
 
 from ascrcp.control.steer_plan import SteerPlan
 from ascrcp.core.errors import AscrcpError, InputError
-from ascrcp.core.flow import JointSequence
+from ascrcp.core.flow import JointSequence, SprayPath, Surface
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.sag import sagged_forward
-from ascrcp.session import stages
 from ascrcp.session.evaluation import evaluate
-from ascrcp.session.report import build_report
+from ascrcp.session.outcome import Loaded, Solution
+from ascrcp.session.remote import Remote
 from ascrcp.session.scanner import Scanner
 from ascrcp.session.state import Mode, Step
-from ascrcp.session.steering import SteerOrder, prepare_obstacles, prepare_plan
+from ascrcp.session.steering import SteerOrder
 from ascrcp.session.store import write_json, write_scan
 from ascrcp.session.trace import TraceCollector
-from ascrcp.session.wall_layer import read_predicted
 from ascrcp.session.wording import say_chinese
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ class Desk:
         setup = self.session.setup
         return sagged_forward(setup.arm, q, setup.payload_kg)
 
-    def load(self, loaded: stages.Loaded) -> None:
+    def load(self, loaded: Loaded) -> None:
         """Keep a checked sequence, to be run from its beginning."""
         self.sequence = loaded.sequence
         self.planned = loaded.planned
@@ -64,7 +63,7 @@ class Desk:
         session, setup = self.session, self.session.setup
         session.stage("Jog for set-up", "点动调整")
         around = session.run_compute(
-            prepare_obstacles, session.round.folder, setup.machine, setup.planning, share=(0.0, 0.0)
+            Remote.OBSTACLES, session.round.folder, setup.machine, setup.planning, share=(0.0, 0.0)
         )
         setup.stick.kernels.set_around(around)
         session.run_steering(SteerOrder(kind, joint=joint, q=session.measured_q()))
@@ -191,8 +190,8 @@ def recognise_and_solve(desk: Desk) -> None:
         session.announce("Scan finished.", "扫描完成。")
     session.stage("Reconstructing and recognising", "正在三维重建与识别", 0.25)
     with session.stopwatch("recognise"):
-        surface = session.run_compute(
-            stages.recognise,
+        surface: Surface = session.run_compute(
+            Remote.RECOGNISE,
             folder.folder,
             source,
             setup.machine,
@@ -208,13 +207,13 @@ def recognise_and_solve(desk: Desk) -> None:
     )
     session.stage("Planning the nozzle path", "正在规划喷涂轨迹", 0.6)
     with session.stopwatch("plan"):
-        path = session.run_compute(stages.plan, folder.folder, setup.planning, share=(0.6, 0.75))
+        path: SprayPath = session.run_compute(Remote.PLAN, folder.folder, setup.planning, share=(0.6, 0.75))
     session.show(path=path, solved=np.zeros(len(path), bool))
     session.announce(f"Path planned: {len(path)} points.", f"轨迹规划完成：{len(path)} 个点。")
     session.stage("Solving the joints", "正在逆解关节", 0.75)
     with session.stopwatch("solve"):
-        solution = session.run_compute(
-            stages.solve,
+        solution: Solution = session.run_compute(
+            Remote.SOLVE,
             folder.folder,
             setup.machine,
             setup.planning,
@@ -222,7 +221,7 @@ def recognise_and_solve(desk: Desk) -> None:
             share=(0.75, 1.0),
         )
     session.show(solved=solution.solved, clearance=solution.clearance)
-    session.show(predicted=session.run_compute(read_predicted, folder.folder, share=(1.0, 1.0)))
+    session.show(predicted=session.run_compute(Remote.PREDICTED_LAYER, folder.folder, share=(1.0, 1.0)))
     session.announce(
         f"Joints solved: {int(solution.solved.sum())} of {len(solution.solved)} points.",
         f"运动学解算完成：{int(solution.solved.sum())}/{len(solution.solved)} 个点。",
@@ -233,8 +232,8 @@ def load_sequence(desk: Desk) -> None:
     """读取数据: read the joint sequence, check it whole (thesis 5.3), keep it for the tracker."""
     session, setup = desk.session, desk.session.setup
     session.stage("Loading the joint sequence", "正在读取关节序列")
-    loaded = session.run_compute(
-        stages.load, session.round.folder, setup.machine, setup.planning, share=(0.0, 1.0)
+    loaded: Loaded = session.run_compute(
+        Remote.LOAD, session.round.folder, setup.machine, setup.planning, share=(0.0, 1.0)
     )
     desk.load(loaded)
     session.show(sequence=loaded.sequence)
@@ -267,7 +266,7 @@ def _nearest_pose(desk: Desk) -> Array:
     session, setup = desk.session, desk.session.setup
     if desk.steer_plan is None:
         desk.steer_plan = session.run_compute(
-            prepare_plan,
+            Remote.STEER_PLAN,
             session.round.folder,
             setup.machine,
             setup.planning,
@@ -313,7 +312,7 @@ def _judge(desk: Desk) -> None:
 def _write_report(desk: Desk) -> None:
     session = desk.session
     session.stage("Writing the report", "正在生成报告", 0.99)
-    session.run_compute(build_report, session.round.folder, share=(0.99, 1.0))
+    session.run_compute(Remote.REPORT, session.round.folder, share=(0.99, 1.0))
     session.announce("Report written.", "报告已生成。")
 
 
@@ -342,8 +341,8 @@ def run_sequence(desk: Desk) -> None:
 def _move_to(desk: Desk, target: Array) -> None:
     """Move to a pose at rest, planned in the compute process: clear of what the round's scan saw."""
     session, setup = desk.session, desk.session.setup
-    sequence = session.run_compute(
-        stages.approach,
+    sequence: JointSequence = session.run_compute(
+        Remote.APPROACH,
         session.round.folder,
         setup.machine,
         setup.planning,

@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from ascrcp.session.job import JOBS, Desk
 from ascrcp.session.notice import Notices
 from ascrcp.session.operation import Operation, StoppedError
 from ascrcp.session.recorder import LOCKSTEP_DISK_S, Recorder
+from ascrcp.session.remote import Remote
 from ascrcp.session.round import Round
 from ascrcp.session.scene import change_scene
 from ascrcp.session.setup import Setup
@@ -34,8 +35,6 @@ from ascrcp.session.wording import say_chinese
 
 COMPUTE_NICENESS = 10  # in real time: below the application (placeholder)
 RESET_PATIENCE_S = 0.25  # twice the time in which every sensor is heard
-
-T = TypeVar("T")
 
 
 class Session:
@@ -376,17 +375,16 @@ class Session:
         self._driver.wait_for_rest()
         return self._digest.copy().hexdigest()
 
-    def run_compute(self, function: Callable[..., T], *args: object, share: tuple[float, float]) -> T:
+    def run_compute(self, stage: Remote, *args: object, share: tuple[float, float]) -> Any:
         """Run a stage in the compute process; its progress fills a share of the step's bar."""
         low, high = share
 
         def progress(fraction: float) -> None:
             self._operation.progress = low + (high - low) * fraction
 
-        result: T = self.compute.run(
-            function, *args, progress=progress, is_cancelled=self._operation.cancelled.is_set
+        return self.compute.run(
+            stage, *args, progress=progress, is_cancelled=self._operation.cancelled.is_set
         )
-        return result
 
     def show(self, **parts: Any) -> None:
         """Replace parts of the 3-D scene, named as `change_scene` does."""

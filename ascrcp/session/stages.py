@@ -6,12 +6,11 @@ run the very same functions.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ascrcp.control.config import ControlConfig
 from ascrcp.control.move import check_ends, find_changeover, plan_move
@@ -47,8 +46,10 @@ from ascrcp.planning.table import read_joints, read_path, write_joints, write_pa
 from ascrcp.planning.target import find_target
 from ascrcp.planning.wall import fit_wall
 from ascrcp.session.layout_store import layout_of, write_layout
+from ascrcp.session.outcome import Loaded, Solution
 from ascrcp.session.round import Round
 from ascrcp.session.store import read_json, read_scan, read_surface, write_json, write_surface
+from ascrcp.session.surroundings import find_obstacles
 
 Progress = Callable[[float], None]
 
@@ -175,27 +176,6 @@ def achieved_surface(surface: Surface, config: PlanningParameters, after: Path) 
     return find_after(points, surface, find_target(surface, wall, config.process, config.path.bridge_m))
 
 
-@dataclass(frozen=True)
-class Solution:
-    """Outcome of `solve`; rows belong to the planned points.
-
-    Attributes:
-        solved: Which points are sprayed, shape (n,).
-        reasons: Why the others are not, None for those that are.
-        duration_s: Length of the sequence [s].
-        tilt: Angle by which a pose was tilted to keep clear [rad], shape (n,).
-        clearance: Distance to the surroundings [m], NaN where unsolved or not known, shape (n,).
-        move_clearance: The least of it between strokes [m]; None without moves or surroundings.
-    """
-
-    solved: NDArray[np.bool_]
-    reasons: tuple[str | None, ...]
-    duration_s: float
-    tilt: Array
-    clearance: Array
-    move_clearance: float | None
-
-
 def solve(
     folder: Path, machine: str, config: PlanningParameters, payload_kg: float, progress: Progress = _quiet
 ) -> Solution:
@@ -262,14 +242,6 @@ def _write_prediction(round_: Round, planned: SprayPlan, predicted: Prediction) 
     write_json(round_.prediction, {**before, "driven": predicted.to_dict()})
 
 
-def find_obstacles(round_: Round, arm: Arm, config: PlanningParameters) -> Obstacles | None:
-    """Build what the arm may hit from the round's surface; None without one or without shapes of links."""
-    if not round_.surface.exists() or arm.description.clearance is None:
-        return None
-    scan_q = read_scan(round_.scan).q if round_.scan.exists() else None
-    return Obstacles.from_surface(read_surface(round_.surface), arm, scan_q, bodies=config.solve.bodies)
-
-
 def _move_clearance(arm: Arm, sequence: JointSequence, obstacles: Obstacles | None) -> float | None:
     between = sequence.q[~sequence.spraying & (sequence.point < 0)]
     if obstacles is None or not len(between):
@@ -327,14 +299,6 @@ class SaggedArm:
         )
         self.within_limits = arm.within_limits
         self.forward = lambda q: sagged_forward(arm, q, payload_kg)
-
-
-@dataclass(frozen=True)
-class Loaded:
-    """A checked sequence and the number of points that were planned, solved or not."""
-
-    sequence: JointSequence
-    planned: int
 
 
 def load(folder: Path, machine: str, config: PlanningParameters, progress: Progress = _quiet) -> Loaded:
