@@ -30,18 +30,19 @@ def recognise(options: Options, output: Output) -> int:
     if target.exists() and not target.is_dir():
         raise InputError(f"{target}: not a folder")
     profile = find_profile(app_options(options, True), load_simulation(options.rig).tunnel)
-    surface = stages.recognise(
-        target,
-        given,
-        options.machine,
-        profile,
-        load_perception(),
-        options.load_kg,
-        options.shift,
-        progress=output.bar("recognise"),
-    )
     round_ = Round(target)
-    features = read_json(round_.features)
+    with round_.lock_if_there():
+        surface = stages.recognise(
+            target,
+            given,
+            options.machine,
+            profile,
+            load_perception(),
+            options.load_kg,
+            options.shift,
+            progress=output.bar("recognise"),
+        )
+        features = read_json(round_.features)
     lines = [f"axis sigma {surface.axis.direction_sigma_deg:.3f} deg from {', '.join(surface.axis.evidence)}"]
     lines += [f"arch at {a.station:.3f} m, lean {a.lean_deg:+.2f} deg" for a in surface.arches]
     lines += [
@@ -58,8 +59,9 @@ def plan(options: Options, output: Output) -> int:
     config = load_planning()
     if options.planner is not None:
         config = change(config, planner=options.planner)
-    path = stages.plan(options.round, config, options.after, progress=output.bar("plan"))
     round_ = Round(options.round)
+    with round_.lock_if_there():
+        path = stages.plan(options.round, config, options.after, progress=output.bar("plan"))
     tree: dict[str, Any] = {"ok": True, "path": str(round_.path), "points": len(path)}
     lines = [f"{len(path)} points -> {round_.path}"]
     if round_.prediction.exists():
@@ -82,13 +84,14 @@ def describe_prediction(found: dict[str, Any]) -> list[str]:
 
 def solve(options: Options, output: Output) -> int:
     """Path -> joints.csv."""
-    found = stages.solve(
-        options.round, options.machine, load_planning(), options.load_kg, progress=output.bar("solve")
-    )
+    round_ = Round(options.round)
+    with round_.lock_if_there():
+        found = stages.solve(
+            options.round, options.machine, load_planning(), options.load_kg, progress=output.bar("solve")
+        )
     unsolved = [
         {"point": i + 1, "reason": reason} for i, reason in enumerate(found.reasons) if reason is not None
     ]
-    round_ = Round(options.round)
     place = round_.joints
     tree: dict[str, Any] = {
         "ok": True,
@@ -121,6 +124,7 @@ def report(options: Options, output: Output) -> int:
     """Build the report of a round."""
     if not options.round.is_dir():
         raise InputError(f"{options.round}: no such round folder")
-    place = build_report(options.round, progress=output.bar("report"))
+    with Round(options.round).lock():
+        place = build_report(options.round, progress=output.bar("report"))
     output.result({"ok": True, "report": str(place)}, str(place))
     return OK

@@ -14,6 +14,7 @@ from ascrcp.cli.output import FAILED, OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.cli.table import result_table
 from ascrcp.core.errors import AscrcpError
+from ascrcp.planning.table import read_joints
 from ascrcp.session.job import scan_heading
 from ascrcp.session.replay import replay as replay_round
 from ascrcp.session.round import Round
@@ -84,7 +85,9 @@ def scan(options: Options, output: Output) -> int:
 
 def run(options: Options, output: Output) -> int:
     """Drive a solved round on the rig."""
-    Round(options.round).need("joints", "solve")
+    read_joints(
+        Round(options.round).need("joints", "solve")
+    )  # a damaged one is refused before the rig is opened
     with _session(options, output) as session:
         session.reset_and_wait(RESET_WAIT_S)
         for step in (Step.LOAD, Step.GO_TO_START, Step.RUN):

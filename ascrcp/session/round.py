@@ -2,6 +2,7 @@
 
 import fcntl
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import IO, Any
 
@@ -87,6 +88,14 @@ class Round:
             holder.close()
             raise InputError(f"{self.folder}: another ascrcp works on this round") from None
         return holder
+
+    def lock_if_there(self) -> AbstractContextManager[object]:
+        """Take the folder for one stage; a folder that is still to be made is nobody's.
+
+        Raises:
+            InputError: Another ascrcp has it, or it cannot be written.
+        """
+        return self.lock() if self.folder.is_dir() else nullcontext()
 
     def check_machine(self, machine: str) -> None:
         """Refuse a round that was solved for another machine (fault F41).

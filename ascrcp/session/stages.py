@@ -95,6 +95,7 @@ def recognise(
         cloud, profile, parameters, progress=lambda _, done: progress(0.2 + 0.7 * done), timing=timing
     )
     folder.mkdir(parents=True, exist_ok=True)
+    round_.forget("path", "plan", "prediction", "joints")  # planned on another surface
     write_surface(round_.surface, surface)
     write_labelled_cloud(round_.cloud, surface)
     write_json(round_.features, {**build_features(surface, len(cloud.points), timing), **notes})
@@ -143,12 +144,13 @@ def plan(
             raise InputError("a plan after a second scan needs the planner coverage, not thesis")
         path = plan_path(surface, config.path, progress=progress)
         path = replace(path, flow=np.full(len(path), config.process.spray.pump_steps[1]))
-        round_.forget("plan", "prediction")
+        round_.forget("plan", "prediction", "joints")
         write_path(round_.path, path)
         return path
     found = None if after is None else achieved_surface(surface, config, after)
     planned = plan_spray(surface, config.path, config.process, found, progress)
     predicted = predict(planned, config.process)
+    round_.forget("joints")  # of the path before
     write_path(round_.path, planned.path)
     write_layout(round_.plan, planned, predicted.finish)
     write_json(round_.prediction, {"planned": predicted.to_dict(), "again": after is not None})

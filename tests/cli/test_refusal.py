@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from ascrcp.__main__ import main
+from ascrcp.core.flow import JointSequence
+from ascrcp.planning.table import write_joints
+from ascrcp.session.round import Round
 
 
 def write_ply(path: Path, points: np.ndarray, cut: float = 1.0, promised: int | None = None) -> Path:
@@ -122,3 +125,33 @@ def test_shift_is_checked(text: str, capsys: pytest.CaptureFixture[str]) -> None
     with pytest.raises(SystemExit) as end:
         main(["recognise", "x.ply", "--out", "y", "--shift", text])
     assert end.value.code == 2 and "--shift" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", ["recognise", "plan", "solve", "report", "run"])
+def test_f43_no_stage_touches_a_round_that_another_works_on(
+    command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sequence = JointSequence(
+        t=np.zeros(1),
+        q=np.zeros((1, 8)),
+        position=np.zeros((1, 3)),
+        direction=np.array([[1.0, 0.0, 0.0]]),
+        point=np.zeros(1, np.int64),
+        spraying=np.zeros(1, bool),
+        flow=np.zeros(1),
+    )
+    write_joints(tmp_path / "joints.csv", sequence, np.zeros(8, bool))
+    before = sorted(tmp_path.iterdir())
+    with Round(tmp_path).lock():
+        assert main([command, "--round", str(tmp_path)]) == 2
+    assert "another ascrcp works on this round" in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == [tmp_path / ".lock", *before]
+
+
+def test_f40_run_refuses_a_damaged_sequence_before_it_writes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "joints.csv").write_text("# ascrcp joint sequence version=2 rows=1 crc32=00000000\n")
+    assert main(["run", "--round", str(tmp_path)]) == 2
+    assert "joints.csv" in capsys.readouterr().err
+    assert [p.name for p in tmp_path.iterdir()] == ["joints.csv"]

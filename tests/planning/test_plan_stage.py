@@ -71,6 +71,14 @@ def test_a_second_scan_plans_what_is_thin(folder: Path, tmp_path: Path) -> None:
     assert read_layout(Round(folder).plan, SURFACE)[0].again
 
 
+@pytest.mark.parametrize("config", [CONFIG, THESIS])
+def test_a_new_plan_leaves_no_joints_of_the_old_one_to_run(folder: Path, config: Parameters) -> None:
+    joints = Round(folder).joints
+    joints.touch()
+    stages.plan(folder, config)
+    assert not joints.exists()
+
+
 def test_the_thesis_planner_keeps_speed_and_flow_constant(folder: Path) -> None:
     path = stages.plan(folder, THESIS)
     assert (path.speed == 0.0).all() and (path.flow == CONFIG.process.spray.pump_steps[1]).all()
