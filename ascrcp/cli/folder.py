@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ascrcp.core.errors import InputError
-from ascrcp.core.file import write_atomic
+from ascrcp.core.file import make_folder, write_atomic
 from ascrcp.session.store import write_json
 
 
@@ -25,10 +25,7 @@ def write_folder(folder: Path, files: Mapping[str, bytes], json_name: str, tree:
     Raises:
         InputError: The disk refuses.
     """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot make the folder: {error.strerror or error}") from None
+    make_folder(folder)
     for name, data in files.items():
         write_atomic(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
     write_json(folder / json_name, tree)

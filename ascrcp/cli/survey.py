@@ -7,6 +7,7 @@ import numpy as np
 from ascrcp.cli.output import OK, Output
 from ascrcp.cli.parser import Options
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import make_folder
 from ascrcp.core.geometry import apply_transform
 from ascrcp.perception.alignment import align
 from ascrcp.perception.cross_section import cut_section
@@ -63,7 +64,7 @@ def thickness(options: Options, output: Output) -> int:
         },
         **describe(layer),
     }
-    options.out.mkdir(parents=True, exist_ok=True)
+    make_folder(options.out)
     write_json(options.out / "thickness.json", tree)
     grids = {name: getattr(layer, name) for name in ("station", "along", "thickness", "sigma", "sprayed")}
     write_archive(options.out / "thickness.npz", "thickness", {}, grids)

@@ -11,6 +11,7 @@ from ascrcp.control.config import JointConfig
 from ascrcp.control.identification import Trial, find_speed
 from ascrcp.core.clock import CYCLE_S
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import make_folder
 from ascrcp.session.tuning import Tuned
 
 
@@ -24,7 +25,7 @@ def draw_steps(found: Tuned, folder: Path) -> list[Path]:
     Returns:
         The pictures written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     written = []
     for number, joint in enumerate(found.control.joints, start=1):
         figure = Figure(figsize=(11.0, 4.2), layout="constrained")

@@ -12,7 +12,7 @@ from ascrcp.cli.parser import Options
 from ascrcp.cli.table import table
 from ascrcp.cli.wall_cell import WallCells, imagine_heading, lay_cells
 from ascrcp.core.errors import InputError
-from ascrcp.core.file import write_atomic
+from ascrcp.core.file import make_folder, write_atomic
 from ascrcp.core.flow import Surface
 from ascrcp.core.geometry import Array
 from ascrcp.core.profile import load_profile
@@ -239,10 +239,7 @@ def _encode_reach(arm: Arm, cells: WallCells, reach: ReachMap, blocked: NDArray[
 
 def _write(folder: Path, files: dict[str, bytes], tree: dict[str, Any]) -> None:
     """Write everything, now that nothing can fail but the disk."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: cannot make the folder: {error.strerror or error}") from None
+    make_folder(folder)
     for name, data in files.items():
         write_atomic(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
     write_json(folder / "workspace.json", tree)

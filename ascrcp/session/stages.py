@@ -15,6 +15,7 @@ import numpy as np
 from ascrcp.control.config import ControlConfig
 from ascrcp.control.move import check_ends, find_changeover, plan_move
 from ascrcp.core.errors import InputError, RecognitionError
+from ascrcp.core.file import make_folder
 from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath, Surface
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import Profile
@@ -94,7 +95,7 @@ def recognise(
     surface = recognise_cloud(
         cloud, profile, parameters, progress=lambda _, done: progress(0.2 + 0.7 * done), timing=timing
     )
-    folder.mkdir(parents=True, exist_ok=True)
+    make_folder(folder)
     round_.forget("path", "plan", "prediction", "joints")  # planned on another surface
     write_surface(round_.surface, surface)
     write_labelled_cloud(round_.cloud, surface)
@@ -175,7 +176,16 @@ def achieved_surface(surface: Surface, config: PlanningParameters, after: Path) 
     else:
         points = read_cloud(after).points
     wall = fit_wall(surface, config.path)
-    return find_after(points, surface, find_target(surface, wall, config.process, config.path.bridge_m))
+    target = find_target(surface, wall, config.process, config.path.bridge_m)
+    found = find_after(points, surface, target)
+    share = np.isfinite(found).sum() / max(1, np.isfinite(target.offset).sum())
+    needed = load_survey().registration.min_share
+    if not share >= needed:
+        raise InputError(
+            f"{after}: shows {100 * share:.0f} % of the wall of the first scan, needed {100 * needed:.0f} %; "
+            "is it of this heading, in the base frame?"
+        )
+    return found
 
 
 def solve(

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from ascrcp.__main__ import main
+from ascrcp.core.errors import InputError
+from ascrcp.core.file import make_folder
 from ascrcp.core.flow import JointSequence
 from ascrcp.planning.table import write_joints
 from ascrcp.session.round import Round
@@ -146,6 +148,12 @@ def test_f43_no_stage_touches_a_round_that_another_works_on(
         assert main([command, "--round", str(tmp_path)]) == 2
     assert "another ascrcp works on this round" in capsys.readouterr().err
     assert sorted(tmp_path.iterdir()) == [tmp_path / ".lock", *before]
+
+
+def test_a_place_below_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InputError, match="cannot make the folder"):
+        make_folder(tmp_path / "file" / "out")
 
 
 def test_f40_run_refuses_a_damaged_sequence_before_it_writes(

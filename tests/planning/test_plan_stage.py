@@ -71,6 +71,15 @@ def test_a_second_scan_plans_what_is_thin(folder: Path, tmp_path: Path) -> None:
     assert read_layout(Round(folder).plan, SURFACE)[0].again
 
 
+def test_a_second_scan_of_another_place_is_refused(folder: Path, tmp_path: Path) -> None:
+    elsewhere = tmp_path / "cloud.xyz"
+    np.savetxt(elsewhere, SURFACE.points[::20] * [1.0, 0.7, 0.7], fmt="%.3f")
+    before = stages.plan(folder, CONFIG)
+    with pytest.raises(InputError, match=r"of the wall of the first scan.*this heading"):
+        stages.plan(folder, CONFIG, elsewhere)
+    assert len(read_path(Round(folder).path)) == len(before), "the plan before stays"
+
+
 @pytest.mark.parametrize("config", [CONFIG, THESIS])
 def test_a_new_plan_leaves_no_joints_of_the_old_one_to_run(folder: Path, config: Parameters) -> None:
     joints = Round(folder).joints
