@@ -44,7 +44,7 @@ def recognise(options: Options, output: Output) -> int:
         )
         features = read_json(round_.features)
     lines = [f"axis sigma {surface.axis.direction_sigma_deg:.3f} deg from {', '.join(surface.axis.evidence)}"]
-    lines += [f"arch at {a.station:.3f} m, lean {a.lean_deg:+.2f} deg" for a in surface.arches]
+    lines += [f"arch at {a['station']:.3f} m, lean {a['lean_deg']:+.2f} deg" for a in features["arches"]]
     lines += [
         f"overbreak {o.station[0]:.2f}..{o.station[1]:.2f} m, {o.angle_deg[0]:.0f}..{o.angle_deg[1]:.0f} deg:"
         f" {o.volume_m3:.3f} m3, {o.max_depth_m:.2f} m deep"

@@ -85,7 +85,7 @@ def _checked(points: NDArray[np.float32], path: Path) -> Cloud:
     if not np.abs(middle).max() <= FAR:
         offer = ",".join(f"{round(value, -1):.0f}" for value in middle)
         raise InputError(
-            f"{path}: the points lie about ({offer}) m from the origin, allowed {FAR:g} m: surveyors' "
-            f"coordinates? Say where the base origin lies in them (shift, for example {offer})"
+            f"{path}: the points lie about ({offer}) m from the origin, allowed {FAR:g} m: millimetres, or "
+            f"surveyors' coordinates? Say where the base origin lies in them (shift, for example {offer})"
         )
     return Cloud(points, source=str(path))

@@ -199,6 +199,7 @@ def _read(file: Path, kind: str) -> _Table:
     if not (lines[0].startswith(start) and len(head) == 2 and count.isascii() and count.isdigit()):
         raise InputError(
             f"{file}: line 1: not a file of this kind, expected '# {kind} version={VERSION} ...'"
+            + (", of another version: make it again" if lines[0].startswith(f"# {kind} version=") else "")
         )
     seal, body = 0, []
     for number, sealed in enumerate(lines[1:-1], start=2):

@@ -10,7 +10,7 @@ from ascrcp.core.errors import InputError
 from ascrcp.core.flow import JointSequence, SprayPath
 from ascrcp.planning.parameter import load_parameters
 from ascrcp.planning.path import plan
-from ascrcp.planning.table import read_joints, read_path, write_joints, write_path
+from ascrcp.planning.table import VERSION, read_joints, read_path, write_joints, write_path
 
 PRISMATIC = np.array([False, False, True, False, False, True, False, False])
 
@@ -119,6 +119,9 @@ def test_f40_other_files_are_refused(path: SprayPath, tmp_path: Path) -> None:
     write_path(file, path)
     with pytest.raises(InputError, match="not a file of this kind"):
         read_joints(file)
+    file.write_text(file.read_text().replace(f"version={VERSION}", f"version={VERSION - 1}", 1))
+    with pytest.raises(InputError, match="of another version: make it again"):
+        read_path(file)
 
 
 def test_a_failed_write_leaves_the_old_file(path: SprayPath, tmp_path: Path) -> None:
