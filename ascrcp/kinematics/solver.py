@@ -20,7 +20,7 @@ from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.rescue import INSIST, Rescue, nearest_solved
 from ascrcp.kinematics.seam import TURN, find_seam_tilt
 from ascrcp.kinematics.smooth import Keeper, make_cost, smooth_chain
-from ascrcp.kinematics.spacing import STAND_OFF, distances
+from ascrcp.kinematics.spacing import STAND_OFF, distances, sum_stretches
 from ascrcp.kinematics.task import compute_error, project_task
 
 Progress = Callable[[float], None]
@@ -93,16 +93,9 @@ class PathSolver:
         clear = arm.description.clearance
         if self.barrier is not None and clear is not None:
             limit = float(np.radians(clear.tilt_limit_deg))
+            grid = make_grid(arm, model)
             self.search = LeanSearch(
-                arm,
-                model,
-                self.cost,
-                make_grid(arm, model),
-                self.barrier,
-                clear.wanted,
-                limit,
-                STAND_OFF,
-                payload_kg,
+                arm, model, self.cost, grid, self.barrier, clear.wanted, limit, STAND_OFF, payload_kg
             )
             self.emphasis = no_emphasis(self.barrier, len(path))
 
@@ -122,12 +115,24 @@ class PathSolver:
             best = np.where(np.isfinite(again), again, best)
             q = self.lean(q, report)
         # lone points may have come back on the other side of a stop
-        settled = self._settle(self.keep_side(q, report), q, report)
+        settled = self._turn_back(q, report)
         q, again = self.rescue(settled, report)
         back = np.isfinite(q[:, 0]) & ~np.isfinite(settled[:, 0])
         if back.any():
             q = self._settle(q, q, report, self._beside(back))
         return self.lean(q, report), np.where(np.isfinite(again), again, best)
+
+    def _turn_back(self, q: Array, report: Progress) -> Array:
+        """Tilt poses back to their side of a stop and settle, but not where a point falls short by it."""
+        old = self.aim.wish
+        turned = self._settle(self.keep_side(q, report), q, report)
+        changed = (self.aim.tilt != old.tilt).any(axis=1)
+        worse = changed & (sum_stretches(changed, self._fallen(q, turned), self.aim.gaps) > 0.0)
+        if not worse.any():
+            return turned
+        self.aim.put_back(worse, old)
+        mixed = np.where(worse[:, None], q, turned)
+        return self._settle(mixed, mixed, report, self._beside(worse))
 
     def _beside(self, marked: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Mark all points of the strokes that hold a marked one."""
@@ -141,6 +146,14 @@ class PathSolver:
         smoothed = self.keep_least(self.keep_good(self.smooth(turned, report, 0.85, 1.0, only=only)))
         return self._patch(smoothed, self._follow(q))
 
+    def _fallen(self, before: Array, after: Array) -> NDArray[np.bool_]:
+        """Mark points that kept what is wanted before and no longer do."""
+        model = self.arm.description.clearance
+        if model is None or self.obstacles is None:
+            return np.zeros(len(after), dtype=bool)
+        enough = model.wanted - model.cell / LOW_SHARE
+        return (self._free(before) >= enough) & ~(self._free(after) >= enough)
+
     def _patch(self, q: Array, spare: Array) -> Array:
         """Take the spare joints where q has none, and beside that for as far as the two differ.
 
@@ -148,8 +161,7 @@ class PathSolver:
         """
         lost = ~np.isfinite(q[:, 0])
         differs = ~(np.abs(q - spare).max(axis=1) <= SAME) & np.isfinite(spare[:, 0])
-        stretch = np.cumsum(np.diff(differs, prepend=False) | ~np.isfinite(self.aim.gaps))
-        taken = differs & (np.bincount(stretch, lost)[stretch] > 0)
+        taken = differs & (sum_stretches(differs, lost, self.aim.gaps) > 0.0)
         return np.where(taken[:, None], spare, q)
 
     def smooth(
@@ -245,15 +257,24 @@ class PathSolver:
         model, search = self.arm.description.clearance, self.search
         if model is None or search is None:
             return q
-        before = self._free(q)
+        before, old, old_cut = self._free(q), self.aim.wish, self.aim.cut
         low = np.minimum(model.wanted - model.cell / LOW_SHARE, self.promise - PROMISE_KEPT)
         rows = np.flatnonzero(before < low)
         if not rows.size:
             return q
-        gaps = self.aim.gaps
-        strokes = np.cumsum(~np.isfinite(gaps))
         self.emphasis = self.emphasis.copy()
         self.emphasis[rows] = np.maximum(self.emphasis[rows], INSIST)
+        tried = self._lean_at(search, rows, q, report)
+        fallen = np.flatnonzero(self._fallen(q, tried))
+        if fallen.size:  # a lean went over into points that it does not suit: they join in the choice
+            self.aim.put_back(np.ones(len(q), dtype=bool), old)
+            self.aim.cut = old_cut
+            tried = self._lean_at(search, np.union1d(rows, fallen), q, report)
+        return tried
+
+    def _lean_at(self, search: LeanSearch, rows: NDArray[np.int64], q: Array, report: Progress) -> Array:
+        """Choose leans and postures of points (m,) together with their neighbours."""
+        gaps, strokes = self.aim.gaps, self.aim.strokes
         around = (rows[:, None] + np.arange(-BESIDE, BESIDE + 1)).clip(0, len(q) - 1)
         rows = np.unique(around[strokes[around] == strokes[rows][:, None]])
         near, own = nearest_solved(q, rows, self.start), np.isfinite(q[rows, 0])
@@ -283,8 +304,7 @@ class PathSolver:
         price = np.where(self._is_cut(tried, gaps), CUT, THROWN) * kinked
         gain = worth[1] - worth[0] - np.maximum(price, np.append(price[1:], 0.0))
         changed = mine | (self.aim.tilt != old.tilt).any(axis=1)
-        stretch = np.cumsum(np.diff(changed, prepend=False) | ~np.isfinite(gaps))
-        worse = changed & (np.bincount(stretch, gain)[stretch] <= 0.0)
+        worse = changed & (sum_stretches(changed, gain, gaps) <= 0.0)
         self.aim.cut = np.where(worse | np.append(False, worse[:-1]), old_cut, self.aim.cut)
         self.aim.put_back(worse, old)
         mixed = np.where(worse[:, None], q, tried)

@@ -1,7 +1,7 @@
 """How far apart the points of a path are, and which of them are key points of the layered graph."""
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ascrcp.core.geometry import Array
 
@@ -40,3 +40,18 @@ def find_keys(distance: Array, spacing: float) -> NDArray[np.int64]:
             keys.append(i)
             since = 0.0
     return np.array(keys, dtype=np.int64)
+
+
+def sum_stretches(marked: NDArray[np.bool_], value: ArrayLike, gaps: Array) -> Array:
+    """Sum a value over the stretch that each point stands in: all marked or all not, of one stroke.
+
+    Args:
+        marked: Shape (n,).
+        value: Shape (n,).
+        gaps: Distance from the point before [m], infinite where a stroke begins, shape (n,).
+
+    Returns:
+        The sum over its stretch at every point, shape (n,).
+    """
+    stretch = np.cumsum(np.diff(marked, prepend=False) | ~np.isfinite(gaps))
+    return np.asarray(np.bincount(stretch, value)[stretch])

@@ -255,7 +255,7 @@ def test_obstacles_change_nothing_where_nothing_is_near():
 def test_what_is_just_out_of_reach_is_sprayed_leaning():
     arm = load_arm("kc")
     wide = Obstacles.from_surface(smooth_heading(radius=18.0), arm)
-    for stretched, reached in ((2.3, True), (2.5, False)):
+    for stretched, reached in ((2.28, True), (2.5, False)):
         path = rings([12.0], 60.0, 120.0)
         path = dataclasses.replace(path, position=path.position * [1.0, stretched, stretched])
         assert not solve_path(arm, path, arm.zero_pose).solved.any()

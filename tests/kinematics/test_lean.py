@@ -14,7 +14,8 @@ from ascrcp.kinematics.lean import LeanSearch, lean_cone, repeat_points
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.sag import compensate
 from ascrcp.kinematics.smooth import make_cost
-from ascrcp.kinematics.spacing import STAND_OFF
+from ascrcp.kinematics.solver import PathSolver
+from ascrcp.kinematics.spacing import STAND_OFF, sum_stretches
 from ascrcp.kinematics.task import compute_error, spray_pose
 
 ARM = load_arm("kc")
@@ -113,3 +114,26 @@ def test_leans_are_taken_back_where_they_are_not_wanted():
     first = np.arange(len(PATH)) < 30
     aim.put_back(first, old)
     assert not aim.tilt[first].any() and aim.tilt[60].any() and not aim.wish.pinned[5]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stretch_is_marked_or_not_throughout_and_ends_with_its_stroke(seed: int):
+    rng = np.random.default_rng(seed)
+    marked, value = rng.random(30) < 0.5, rng.normal(size=30)
+    gaps = np.where(rng.random(30) < 0.2, np.inf, 0.2)
+    total = sum_stretches(marked, value, gaps)
+    ends = [i for i in range(30) if np.isinf(gaps[i]) or (i > 0 and marked[i] != marked[i - 1])]
+    for part in np.split(np.arange(30), ends):
+        np.testing.assert_allclose(total[part], value[part].sum(), atol=1e-12)
+
+
+def test_no_lean_leaves_a_point_short_that_kept_enough():
+    solver = PathSolver(ARM, MODEL, PATH, 0.0, ARM.zero_pose, Obstacles.from_surface(smooth_heading(), ARM))
+    q, _ = solver.solve(lambda _: None)
+    assert not solver._fallen(q, q).any()
+    lost = q.copy()
+    lost[::7] = np.nan
+    kept = solver._free(q) >= ROOM.wanted
+    np.testing.assert_array_equal(solver._fallen(q, lost)[kept], np.isnan(lost[kept, 0]))
+    for step in (solver.lean, solver._turn_back):
+        assert not solver._fallen(q, step(q, lambda _: None)).any()
