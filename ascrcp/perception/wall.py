@@ -26,9 +26,10 @@ _BEFORE = 0.05  # a lone cell so far before the wall is a mixed echo: three time
 _FIXED_POINT = 12  # steps to the density; off by 2 % for one point a cell, by nothing for more
 _LEAST_DENSITY = 0.2  # of points in a cell; below it a count of one is chance
 _DENSITY = 9  # cells of the square over which the density of points is averaged
-_LEAST_DARK, _MOST_DARK = 0.01, 0.10  # chance that a cell amid the wall seen is dark; synthetic headings
+_LEAST_DARK, _MOST_DARK = 0.01, 0.40  # chance that a cell amid the wall seen is dark; synthetic headings
 _CHANCE = 4  # of the eight neighbours of a cell; the others are bridged if empty by chance; placeholder
 _WHOLE_RIM = 0.1  # chance that a cell at the rim of a shadow is not cut by it; synthetic headings
+_SURE = 1.0  # standard deviations by which empty cells must outnumber chance to be dark; placeholder
 _EDGE = 3  # cells at an open end (face, edge of the sprayed part) that take their neighbour's value
 
 
@@ -173,18 +174,30 @@ def _share(count: Array, seen: NDArray[np.bool_], corner: NDArray[np.bool_]) -> 
     usual = np.where(inner, count, 0.0)
     near = uniform_filter(usual, _DENSITY) / np.maximum(weight, 1e-9)
     density = density_of_full(np.where(weight > 1e-6, near, usual.sum() / inner.sum()))
-    rim = _count_around(seen | corner) < 8.0
-    rim[[0, -1]] = rim[:, [0, -1]] = False
+    empty = np.exp(-density)
+    rim = _is_rim(seen | corner)
     amid = seen & ~rim & ~corner
-    # more cells without a point than chance leaves empty are dark; about as many are cut by a rim
-    empty = float(np.mean(~full[amid]) - np.mean(np.exp(-density[amid]))) if amid.any() else 0.0
-    shaded = min(max(empty, _LEAST_DARK), _MOST_DARK)
+    # more cells round about without a point than chance leaves empty are dark; as many are cut by a rim
+    excess = uniform_filter(np.where(amid, ~full - empty, 0.0), _DENSITY)
+    cells = uniform_filter(amid.astype(float), _DENSITY)
+    cells = np.maximum(cells, 1.0 / _DENSITY**2)
+    by_chance = _SURE * np.sqrt(empty * (1.0 - empty) / cells) / _DENSITY
+    shaded = np.clip(excess / cells - by_chance, _LEAST_DARK, _MOST_DARK)
+    # a shadow has its rim, however narrow it is
+    dark = seen & ~corner & ~full & (shaded > (1.0 - 2.0 * shaded) * empty)
+    edge = rim | (_is_rim((seen & ~dark) | corner) & full)
     # in a thin cloud a neighbour goes unseen by mere chance, which makes no rim
-    chance = 1.0 - (1.0 - np.exp(-density)) ** _CHANCE
-    whole = np.where(rim, _WHOLE_RIM + (1.0 - _WHOLE_RIM) * chance, 1.0 - 2.0 * shaded)
-    dark = np.where(rim, 0.0, shaded)
-    share = expected_share(count, density, whole, dark)
+    chance = 1.0 - (1.0 - empty) ** _CHANCE
+    whole = np.where(edge, _WHOLE_RIM + (1.0 - _WHOLE_RIM) * chance, 1.0 - 2.0 * shaded)
+    share = expected_share(count, density, whole, np.where(edge, 0.0, shaded))
     return np.where(corner, 1.0, np.where(seen, share, 0.0))
+
+
+def _is_rim(lit: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Mark cells with a neighbour that is not lit; the raster's own edges are no rims, shape (ns, na)."""
+    rim = _count_around(lit) < 8.0
+    rim[[0, -1]] = rim[:, [0, -1]] = False
+    return np.asarray(rim)
 
 
 def density_of_full(mean: Array) -> Array:

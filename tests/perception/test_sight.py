@@ -13,7 +13,7 @@ from ascrcp.perception.parameter import load_parameters
 from ascrcp.perception.raster import Unrolled, raster_over
 from ascrcp.perception.section import find_face
 from ascrcp.perception.thickness import _beside_heap, _is_edge
-from ascrcp.perception.wall import expected_share
+from ascrcp.perception.wall import _share, expected_share
 
 PARAMETERS = load_parameters()
 
@@ -48,6 +48,18 @@ def test_shares_are_right_in_the_mean_over_cells_cut_anywhere() -> None:
         assert found.mean() == pytest.approx(true.mean(), abs=0.005)
         few = count <= 1
         assert found[few].mean() == pytest.approx(true[few].mean(), abs=0.02)
+
+
+@pytest.mark.parametrize("mean", [3.0, 5.0])
+def test_a_shadow_too_narrow_to_be_bridged_is_dark_and_cells_empty_by_chance_are_not(mean: float) -> None:
+    rng = np.random.default_rng(5)
+    true = np.ones((60, 240))
+    true[20:22, 40:200] = 0.0
+    count = rng.poisson(mean * true).astype(float)
+    share = _share(count, np.ones(true.shape, dtype=bool), np.zeros(true.shape, dtype=bool))
+    assert share[20:22, 40:200].mean() < 0.25
+    clear = share[30:, :]
+    assert clear.mean() > 0.97 and clear[count[30:, :] > 0].mean() > 0.98
 
 
 @pytest.mark.parametrize("slope", [-0.03, 0.0, 0.03])
