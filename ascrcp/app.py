@@ -29,6 +29,7 @@ from ascrcp.devices.machine_link import DBC, CanConfig, MachineLink, load_can_co
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.parameter import find_sensor_zero
 from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.planning.parameter import change, check_parameters
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.safety.config import SafetyConfig
 from ascrcp.safety.gate import Gate
@@ -63,6 +64,7 @@ class Options:
         load_kg: Concrete in the hose [kg].
         cloud: A cloud in place of the scan.
         profile: Design profile; the simulated tunnel's own if None.
+        planner: Planner in place of the configured one.
         control: Control parameters as a tuning wrote them; those shipped for the machine if None.
         lockstep: Virtual time.
         joystick: A stick in place of the configured one.
@@ -74,6 +76,7 @@ class Options:
     load_kg: float = 0.0
     cloud: Path | None = None
     profile: Path | None = None
+    planner: str | None = None
     control: Path | None = None
     lockstep: bool = True
     joystick: Joystick | None = None
@@ -172,6 +175,8 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     control = load_control(arm, options.control)
     device = load(CONFIG / "devices" / "lidar.yaml", LidarDeviceConfig)
     perception, planning = load_perception(), load_planning()
+    if options.planner is not None:
+        planning = check_parameters(change(planning, planner=options.planner))
     gate, tracker = open_gate(arm), Tracker(arm, control)
     codec = Codec(DBC)
     _check_bus(can)

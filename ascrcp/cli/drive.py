@@ -34,6 +34,7 @@ def app_options(options: Options, lockstep: bool) -> AppOptions:
         load_kg=options.load_kg,
         cloud=options.cloud,
         profile=options.profile,
+        planner=options.planner,
         control=options.control,
         lockstep=lockstep,
     )

@@ -38,6 +38,11 @@ def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
     group.add_argument("--cloud", type=Path, metavar="FILE", help="this cloud, in the base frame, not a scan")
     group.add_argument("--profile", type=Path, metavar="FILE", help="design profile of the tunnel")
     group.add_argument("--control", type=Path, metavar="FILE", help="control parameters written by tune")
+    group.add_argument(
+        "--planner",
+        choices=("coverage", "thesis"),
+        help="coverage doses the concrete to the wanted surface; thesis: constant speed and flow",
+    )
 
 
 def _default(wanted: bool, value: object) -> object:
@@ -198,12 +203,6 @@ def _duct(stage: argparse.ArgumentParser) -> None:
 
 
 def _plan(stage: argparse.ArgumentParser) -> None:
-    stage.add_argument(
-        "--planner",
-        default=None,
-        choices=("coverage", "thesis"),
-        help="coverage doses the concrete to the wanted surface; thesis: constant speed and flow",
-    )
     stage.add_argument(
         "--after",
         type=Path,

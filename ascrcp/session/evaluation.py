@@ -5,6 +5,7 @@ the measured nozzle stands in for the truth, and the result says so.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +69,7 @@ def cross_track_mm(trace: RunTrace, reach: int = 50) -> Array:
     return 1e3 * best
 
 
-def evaluate(trace: RunTrace) -> dict[str, object]:
+def evaluate(trace: RunTrace) -> dict[str, Any]:
     """Summarise a run as plain values (design.md section 9).
 
     Returns:

@@ -130,6 +130,12 @@ class Desk:
             return False
         return self.reached >= self.session.setup.report.sprayed_share * self.planned
 
+    def is_exact(self, at: dict[str, Any]) -> bool:
+        """Whether enough of the points reached keep the thesis's rule; the stick has none to hit."""
+        if self.session.snapshot().job.mode is Mode.SEMI_AUTOMATIC:
+            return True
+        return int(at["within_rule"]) >= self.session.setup.report.sprayed_share * int(at["count"])
+
     def timing_s(self, name: str) -> float | None:
         """Time of a stage [s]: machine time where the machine worked, else computing time."""
         if name not in self.timing:
@@ -148,6 +154,8 @@ class Desk:
         session = self.session
         trace = self.collector.trace()
         session.round.write_trace(trace)
+        judged = evaluate(trace)
+        exact = self.is_exact(judged["at_points"])
         self.result = {
             "points": {
                 "planned": self.planned,
@@ -155,9 +163,9 @@ class Desk:
                 "skipped": self.skipped,
                 "left_out": self.planned - self.points,
             },
-            "ok": self.is_done,
+            "ok": self.is_done and exact,
             "mode": session.snapshot().job.mode.value,
-            **evaluate(trace),
+            **judged,
             "timing_s": {name: self.timing_s(name) for name in ("scan", "recognise", "plan", "solve", "run")},
             "lateness_ms": asdict(session.lateness),
             "realtime_factor": self.realtime_factor,
@@ -335,6 +343,13 @@ def run_sequence(desk: Desk) -> None:
         f"Spraying finished: {desk.reached} points reached, {desk.skipped} skipped, {left_out} left out.",
         f"喷射完成：到达 {desk.reached} 点，跳过 {desk.skipped} 点，未规划解 {left_out} 点。",
     )
+    at = desk.result.get("at_points", {})
+    if at and not desk.is_exact(at):
+        session.announce(
+            f"Only {at['within_rule']} of {at['count']} points keep 100 mm and 5 deg: survey and calibrate.",
+            f"仅 {at['within_rule']}/{at['count']} 个点在 100 mm、5° 以内：请测量并标定机械臂。",
+            failure=True,
+        )
     _write_report(desk)
 
 

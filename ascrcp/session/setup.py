@@ -26,7 +26,8 @@ class ReportConfig(Struct):
     """When a job counts as done: config/job.yaml.
 
     Attributes:
-        sprayed_share: Least share of the planned points that must have been reached.
+        sprayed_share: Least share of the planned points that must have been reached, and of these within
+            the rule of 100 mm and 5 deg.
     """
 
     sprayed_share: Annotated[float, Meta(ge=0.0, le=1.0)]

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import sqlite3
 import subprocess
 import sys
@@ -13,13 +14,14 @@ import pytest
 from PIL import Image
 
 SMALL = Path(__file__).with_name("small.yaml")
+THESIS = ("--planner", "thesis")  # a third of the points of the dosed plan
 
 
 def ascrcp(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
     """Run the command line in a process of its own, without a display."""
     environment = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "WAYLAND_DISPLAY")}
     environment.pop("QT_QPA_PLATFORM", None)
-    command = [sys.executable, "-m", "ascrcp", *map(str, arguments)]
+    command = [sys.executable, "-m", "ascrcp", *map(str, arguments), *THESIS]
     return subprocess.run(
         command, capture_output=True, text=True, check=False, env=environment, cwd=cwd, timeout=280
     )
@@ -119,10 +121,11 @@ def test_pictures_show_something_at_every_step(result: dict[str, Any]) -> None:
 
 def test_report_is_one_page_with_the_error_table(result: dict[str, Any]) -> None:
     page = Path(result["report"]).read_text()
-    assert page.count("data:image/png;base64,") == 5
+    assert page.count("data:image/png;base64,") == 4
     for text in ("SIMULATION", "Nozzle error", f"{result['nozzle_error_mm']['mean']:.1f}", "arch 钢拱"):
         assert text in page
-    assert "http" not in page, "the page needs nobody else"
+    words = re.sub(r"base64,[^\"]*", "", page)  # a picture may hold any letters
+    assert "http" not in words, "the page needs nobody else"
 
 
 def test_same_seed_gives_bit_identical_commands(jobs: list[dict[str, Any]]) -> None:

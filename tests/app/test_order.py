@@ -23,7 +23,7 @@ CLOUD = Path(__file__)  # never read: these sessions do not recognise, and so ne
 
 
 def open_here(folder: Path) -> Session:
-    return open_session(Options(rig=SMALL, seed=5, cloud=CLOUD), folder, folder.parent)
+    return open_session(Options(rig=SMALL, seed=5, planner="thesis", cloud=CLOUD), folder, folder.parent)
 
 
 @pytest.fixture

@@ -35,7 +35,7 @@ def wait_for(condition: Callable[[], bool], what: str) -> None:
 @pytest.fixture
 def session(tmp_path: Path) -> Iterator[Session]:
     """A session in lockstep: fast, time stands still at rest."""
-    opened = open_session(Options(rig=SMALL, seed=5), tmp_path / "round", tmp_path)
+    opened = open_session(Options(rig=SMALL, seed=5, planner="thesis"), tmp_path / "round", tmp_path)
     yield opened
     opened.close()
 
@@ -43,7 +43,9 @@ def session(tmp_path: Path) -> Iterator[Session]:
 @pytest.fixture
 def live(tmp_path: Path) -> Iterator[Session]:
     """A session in real time, as in the cab."""
-    opened = open_session(Options(rig=SMALL, seed=5, lockstep=False), tmp_path / "round", tmp_path)
+    opened = open_session(
+        Options(rig=SMALL, seed=5, planner="thesis", lockstep=False), tmp_path / "round", tmp_path
+    )
     yield opened
     opened.close()
 

@@ -180,7 +180,7 @@ def round_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def steered(round_folder: Path) -> Iterator[tuple[Session, Operator]]:
     operator = Operator()
-    options = Options(rig=SMALL, seed=5, joystick=operator)
+    options = Options(rig=SMALL, seed=5, planner="thesis", joystick=operator)
     session = open_session(options, round_folder, round_folder.parent)
     yield session, operator
     session.close()
