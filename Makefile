@@ -16,7 +16,7 @@ test: lint
 
 # A second window in one process is sometimes not refreshed by its timer under pytest; why is not known yet.
 windows: setup
-	@for test in $$($(BIN)/python -m pytest --collect-only -q $(WINDOW_JOBS) | grep ::); do \
+	@for test in $$($(BIN)/python -m pytest -o addopts="-p no:dash" --collect-only -q $(WINDOW_JOBS) | grep ::); do \
 	    $(BIN)/python -m pytest -q "$$test" || exit 1; done
 
 # Idempotent; a second call only compares a stamp.
