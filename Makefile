@@ -3,21 +3,13 @@
 
 BIN = .venv/bin
 
-.PHONY: run test setup lint format lock proof bench fuzz soak windows
+.PHONY: run test setup lint format lock proof bench fuzz soak
 
 run: setup
 	$(BIN)/ascrcp $(ARGS)
 
-# Whole jobs by clicks and keys on the real window want a process each; "make windows" runs them.
-WINDOW_JOBS = tests/hmi/test_automatic_job.py tests/hmi/test_semi_automatic.py
-
 test: lint
-	$(BIN)/python -m pytest $(or $(ARGS),$(addprefix --ignore=,$(WINDOW_JOBS)))
-
-# A second window in one process is sometimes not refreshed by its timer under pytest; why is not known yet.
-windows: setup
-	@for test in $$($(BIN)/python -m pytest -o addopts="-p no:dash" --collect-only -q $(WINDOW_JOBS) | grep ::); do \
-	    $(BIN)/python -m pytest -q "$$test" || exit 1; done
+	$(BIN)/python -m pytest $(ARGS)
 
 # Idempotent; a second call only compares a stamp.
 setup:

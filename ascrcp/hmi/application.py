@@ -39,9 +39,11 @@ def make_application() -> QApplication:
         return running
     if not has_display():
         os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
-    # pyqtgraph compiles its shaders once for all contexts: a view must be able to take over another's
+    # the cloud draws in a context of its own and hands its picture over
     QCoreApplication.setAttribute(Qt.ApplicationAttribute.AA_ShareOpenGLContexts)
-    return QApplication(["ascrcp"])
+    application = QApplication(["ascrcp"])
+    application.setQuitOnLastWindowClosed(False)  # `run` quits when the session has ended, and only then
+    return application
 
 
 def choose_language(screen: Screen, has_chinese: bool) -> Language:

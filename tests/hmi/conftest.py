@@ -12,6 +12,12 @@ from ascrcp.hmi.theme import Screen, apply_theme, load_screen
 from ascrcp.hmi.window import Window
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_late_quit(qapp: QApplication) -> None:
+    """Closing the last window of a test must not quit: Qt then runs no event loop any more."""
+    qapp.setQuitOnLastWindowClosed(False)
+
+
 @pytest.fixture(scope="session")
 def screen() -> Screen:
     return load_screen()

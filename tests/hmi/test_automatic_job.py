@@ -28,12 +28,15 @@ WAYS = ("button", "space", "f12")
 Click = Callable[[QWidget], None]
 
 
-def write_short_sequence(place: Path, seconds: float) -> None:
+SWAY_S = 12.0
+
+
+def write_sequence(place: Path, seconds: float) -> None:
     """Write a joint sequence that sways three joints slowly, spraying, with ten planned points."""
     arm = load_arm("kc")
     t = np.arange(0.0, seconds, 0.1)
     q = np.tile(arm.zero_pose, (len(t), 1))
-    swing = (1.0 - np.cos(2 * np.pi * t / seconds)) / 2
+    swing = (1.0 - np.cos(2 * np.pi * t / SWAY_S)) / 2
     q[:, 0] += 0.10 * swing
     q[:, 2] += 0.20 * swing
     q[:, 3] += 0.05 * swing
@@ -49,7 +52,7 @@ def solved(tmp_path: Path) -> Iterator[Session]:
     """A session on a round that is solved already, with a sequence of some seconds."""
     folder = tmp_path / "round"
     folder.mkdir()
-    write_short_sequence(folder / "joints.csv", 12.0)
+    write_sequence(folder / "joints.csv", SWAY_S)
     session = open_session(Options(rig=SMALL, seed=3), folder, tmp_path)
     yield session
     session.close()
@@ -162,6 +165,8 @@ def test_stop_in_every_state_and_dialog_zeroes_the_wire(
     window: Window, solved: Session, qtbot: QtBot, tmp_path: Path
 ) -> None:
     """40 ms are two cycles; the frames of the very cycle that takes the order are zero already."""
+    # lockstep is a hundred times as fast as the clock: long enough not to end between two looks at it
+    write_sequence(tmp_path / "round" / "joints.csv", 200 * SWAY_S)
     presses = 0
 
     def stop(way: str) -> None:

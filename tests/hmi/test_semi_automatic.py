@@ -223,9 +223,13 @@ def test_whole_semi_automatic_job_by_clicks(
     to_the_run(window, session, qtbot)
     before = session.snapshot().tip
     operator.is_ready = True
-    qtbot.waitUntil(lambda: session.snapshot().reached > 3, timeout=LONG_MS)
+
+    def has_moved() -> bool:
+        way = sum(abs(a - b) for a, b in zip(session.snapshot().tip, before, strict=True))
+        return session.snapshot().reached > 3 and way > 0.1
+
+    qtbot.waitUntil(has_moved, timeout=LONG_MS)
     assert session.snapshot().spraying and session.snapshot().armed
-    assert sum(abs(a - b) for a, b in zip(session.snapshot().tip, before, strict=True)) > 0.1
     assert window.semi.buttons["semi_finish"].isEnabled()
     click(qtbot, window.semi.buttons["semi_finish"])
     qtbot.waitUntil(lambda: Step.RUN in session.snapshot().job.done, timeout=LONG_MS)
