@@ -29,7 +29,6 @@ from ascrcp.devices.machine_link import DBC, CanConfig, MachineLink, load_can_co
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.parameter import find_sensor_zero
 from ascrcp.perception.parameter import load_parameters as load_perception
-from ascrcp.planning.parameter import change, check_parameters
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.safety.config import SafetyConfig
 from ascrcp.safety.gate import Gate
@@ -174,9 +173,7 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
     can = calibrated_can(load_can_config(), arm)
     control = load_control(arm, options.control)
     device = load(CONFIG / "devices" / "lidar.yaml", LidarDeviceConfig)
-    perception, planning = load_perception(), load_planning()
-    if options.planner is not None:
-        planning = check_parameters(change(planning, planner=options.planner))
+    perception, planning = load_perception(), load_planning(planner=options.planner)
     gate, tracker = open_gate(arm), Tracker(arm, control)
     codec = Codec(DBC)
     _check_bus(can)

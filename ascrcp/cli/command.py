@@ -11,7 +11,6 @@ from ascrcp.cli.parser import Options
 from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.perception.parameter import load_parameters as load_perception
-from ascrcp.planning.parameter import change
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.session import stages
 from ascrcp.session.report import build_report
@@ -56,9 +55,7 @@ def recognise(options: Options, output: Output) -> int:
 
 def plan(options: Options, output: Output) -> int:
     """Recognised round -> path.csv, and what it is predicted to come to."""
-    config = load_planning()
-    if options.planner is not None:
-        config = change(config, planner=options.planner)
+    config = load_planning(planner=options.planner)
     round_ = Round(options.round)
     with round_.lock_if_there():
         path = stages.plan(options.round, config, options.after, progress=output.bar("plan"))

@@ -2,11 +2,9 @@
 
 import math
 
-from PySide6.QtWidgets import QGridLayout
-
 from ascrcp.core.machine_io import NEVER_NS, MachineInputs
 from ascrcp.hmi import quantity
-from ascrcp.hmi.panel import Panel, make_label, set_text
+from ascrcp.hmi.panel import ValuePanel
 from ascrcp.hmi.text import Language, say
 from ascrcp.session.snapshot import Snapshot
 
@@ -78,34 +76,17 @@ def describe_health(snapshot: Snapshot, language: Language) -> dict[str, str]:
     return shown
 
 
-NAME_PX = 124
-
-
-class HealthPanel(Panel):
-    """Names at the left, values at the right."""
+class HealthPanel(ValuePanel):
+    """Bus, sensors, controller and cycle."""
 
     def __init__(self) -> None:
-        super().__init__()
-        grid = QGridLayout(self)
-        grid.setContentsMargins(8, 4, 8, 4)
-        grid.setVerticalSpacing(0)
-        self.title = make_label("title")
-        grid.addWidget(self.title, 0, 0, 1, 2)
-        self.names = {key: make_label("muted", width=NAME_PX) for key in ROWS}
-        self.values = {key: make_label("value") for key in ROWS}
-        for line, key in enumerate(ROWS, 1):
-            grid.addWidget(self.names[key], line, 0)
-            grid.addWidget(self.values[key], line, 1)
-        grid.setColumnStretch(1, 1)
+        super().__init__(ROWS)
 
     def set_language(self, language: Language) -> None:
-        """Write the names in a language."""
+        """Write title and names in a language."""
         super().set_language(language)
         self.title.setText(say("health", language))
-        for key, label in self.names.items():
-            label.setText(say(key, language))
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
         """Draw the values."""
-        for key, text in describe_health(snapshot, self.language).items():
-            set_text(self.values[key], text)
+        self.show_values(describe_health(snapshot, self.language))

@@ -4,11 +4,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, QPersistentModelIndex, Qt
+from PySide6.QtCore import QAbstractTableModel, QEvent, QModelIndex, Qt
 from PySide6.QtGui import QShowEvent
-from PySide6.QtWidgets import QAbstractItemView, QHeaderView, QTableView
+from PySide6.QtWidgets import QHeaderView, QTableView
 
 from ascrcp.hmi import quantity
+from ascrcp.hmi.table import Index, show_whole
 from ascrcp.hmi.text import Language, say
 from ascrcp.kinematics import JointInfo
 from ascrcp.session.snapshot import Snapshot
@@ -22,9 +23,6 @@ STALE = "▲"
 WIDEST = ("", f"{STALE} 2200 mm", "2200 mm", "-800 mm", "+100 %", "0…2200 mm", "■ near end")
 """Widest text of each column after the first, which takes what is left."""
 PADDING_PX = 15
-
-Index = QModelIndex | QPersistentModelIndex
-
 
 NEAR_LIMIT = 0.03
 """Share of a joint's range at its ends in which it counts as near its limit; placeholder."""
@@ -148,21 +146,8 @@ class JointTable(QTableView):
     ) -> None:
         super().__init__()
         self.joint_model = JointModel(joints, stale_ms, columns)
-        self.setModel(self.joint_model)
-        self.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
-        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self.setWordWrap(False)
-        self.verticalHeader().hide()
-        self.verticalHeader().setDefaultSectionSize(ROW_PX)
-        self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        header = self.horizontalHeader()
-        header.setFixedHeight(HEADER_PX)
-        header.setSectionsClickable(False)
-        header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+        header = show_whole(self, self.joint_model, ROW_PX, HEADER_PX)
         header.setSectionResizeMode(0, QHeaderView.ResizeMode.Stretch)
-        self.setFixedHeight(HEADER_PX + ROW_PX * len(joints) + 4)
 
     def showEvent(self, event: QShowEvent) -> None:  # noqa: N802
         """Fit the columns to the font that is really there."""

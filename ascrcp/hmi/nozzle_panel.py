@@ -1,41 +1,19 @@
 """The nozzle: where it is, where it should be, how far off, and the points done (thesis 6.1.2)."""
 
-from PySide6.QtWidgets import QGridLayout
-
 from ascrcp.hmi import quantity
-from ascrcp.hmi.panel import Panel, make_label
-from ascrcp.hmi.text import Language, say
+from ascrcp.hmi.panel import ValuePanel
+from ascrcp.hmi.text import say
 from ascrcp.session.snapshot import Snapshot
 from ascrcp.session.state import Mode
 
 ROWS = ("position", "wanted", "direction", "nozzle_error", "points", "spray")
 
 
-NAME_PX = 124
-
-
-class NozzlePanel(Panel):
+class NozzlePanel(ValuePanel):
     """Automatic module and semi-automatic module in one: the mode decides title and spray row."""
 
     def __init__(self) -> None:
-        super().__init__()
-        grid = QGridLayout(self)
-        grid.setContentsMargins(8, 4, 8, 4)
-        grid.setVerticalSpacing(0)
-        self.title = make_label("title")
-        grid.addWidget(self.title, 0, 0, 1, 2)
-        self.names = {key: make_label("muted", width=NAME_PX) for key in ROWS}
-        self.values = {key: make_label("value") for key in ROWS}
-        for line, key in enumerate(ROWS, 1):
-            grid.addWidget(self.names[key], line, 0)
-            grid.addWidget(self.values[key], line, 1)
-        grid.setColumnStretch(1, 1)
-
-    def set_language(self, language: Language) -> None:
-        """Write the fixed texts in a language."""
-        super().set_language(language)
-        for key, label in self.names.items():
-            label.setText(say(key, language))
+        super().__init__(ROWS)
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
         """Draw the nozzle's motion."""
@@ -58,8 +36,7 @@ class NozzlePanel(Panel):
             "points": points,
             "spray": self._describe_spray(snapshot, is_semi),
         }
-        for key, text in shown.items():
-            self.values[key].setText(text)
+        self.show_values(shown)
 
     def _describe_spray(self, snapshot: Snapshot, is_semi: bool) -> str:
         text = say("spray_on" if snapshot.spraying else "spray_off", self.language)

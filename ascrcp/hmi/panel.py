@@ -1,10 +1,15 @@
 """The pieces every panel is built of: labels, buttons and frames with a role in the style sheet."""
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QFrame, QLabel, QPushButton, QSizePolicy, QWidget
+from collections.abc import Mapping, Sequence
 
-from ascrcp.hmi.text import Language
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QFrame, QGridLayout, QLabel, QPushButton, QSizePolicy, QWidget
+
+from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen
+
+NAME_PX = 124
+"""Width of the names at the left of values [px]."""
 
 
 class Panel(QFrame):
@@ -21,6 +26,36 @@ class Panel(QFrame):
 
     def set_theme(self, screen: Screen) -> None:
         """Take the colours that the style sheet cannot give: of what is painted by hand."""
+
+
+class ValuePanel(Panel):
+    """A title, then names at the left and values at the right."""
+
+    def __init__(self, rows: Sequence[str]) -> None:
+        """Args: rows: keys of the names' texts, in order; values are kept by them too."""
+        super().__init__()
+        grid = QGridLayout(self)
+        grid.setContentsMargins(8, 4, 8, 4)
+        grid.setVerticalSpacing(0)
+        self.title = make_label("title")
+        grid.addWidget(self.title, 0, 0, 1, 2)
+        self.names = {key: make_label("muted", width=NAME_PX) for key in rows}
+        self.values = {key: make_label("value") for key in rows}
+        for line, key in enumerate(rows, 1):
+            grid.addWidget(self.names[key], line, 0)
+            grid.addWidget(self.values[key], line, 1)
+        grid.setColumnStretch(1, 1)
+
+    def set_language(self, language: Language) -> None:
+        """Write the names in a language."""
+        super().set_language(language)
+        for key, label in self.names.items():
+            label.setText(say(key, language))
+
+    def show_values(self, shown: Mapping[str, str]) -> None:
+        """Write values, by their rows' keys."""
+        for key, text in shown.items():
+            set_text(self.values[key], text)
 
 
 def make_label(role: str = "value", *, wrap: bool = False, centred: bool = False, width: int = 0) -> QLabel:

@@ -32,14 +32,14 @@ GHOST_DASH = (3.0, 2.0)
 
 def make_painter(screen: Screen, allow_gl: bool = True) -> CloudPainter:
     """Return the cloud's painter: with OpenGL where a context can be made, else without."""
-    if allow_gl:
-        try:
-            from ascrcp.hmi.cloud_gl import GlCloud  # loads libGL, absent on a bare machine
+    if not allow_gl:
+        return SplatCloud(screen.view.chunk_drawn)
+    try:
+        from ascrcp.hmi.cloud_gl import GlCloud  # loads libGL, absent on a bare machine
 
-            return GlCloud(screen.view.chunk_gl)
-        except (DeviceError, ImportError, AttributeError):
-            pass
-    return SplatCloud(screen.view.chunk_drawn)
+        return GlCloud(screen.view.chunk_gl)
+    except (DeviceError, ImportError, AttributeError):  # no context, no libGL (PyOpenGL says AttributeError)
+        return SplatCloud(screen.view.chunk_drawn)
 
 
 def lines_of(pairs: Array) -> list[QLineF]:

@@ -62,6 +62,25 @@ class TextModel(QAbstractTableModel):
             self.dataChanged.emit(self.index(0, 0), self.index(self._rows - 1, len(self._columns) - 1))
 
 
+def show_whole(table: QTableView, model: QAbstractTableModel, row_px: int, header_px: int) -> QHeaderView:
+    """Set a table up to look at: as high as its rows, nothing in it can be pressed; return its header."""
+    table.setModel(model)
+    table.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
+    table.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
+    table.setFocusPolicy(Qt.FocusPolicy.NoFocus)
+    table.setWordWrap(False)
+    table.verticalHeader().hide()
+    table.verticalHeader().setDefaultSectionSize(row_px)
+    table.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    table.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
+    header = table.horizontalHeader()
+    header.setFixedHeight(header_px)
+    header.setSectionsClickable(False)
+    header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+    table.setFixedHeight(header_px + row_px * model.rowCount() + 4)
+    return header
+
+
 class TextTable(QTableView):
     """The table itself: nothing in it can be pressed."""
 
@@ -75,25 +94,12 @@ class TextTable(QTableView):
         """
         super().__init__()
         self.text_model = TextModel(columns, rows)
-        self.setModel(self.text_model)
-        self.setSelectionMode(QAbstractItemView.SelectionMode.NoSelection)
-        self.setEditTriggers(QAbstractItemView.EditTrigger.NoEditTriggers)
-        self.setFocusPolicy(Qt.FocusPolicy.NoFocus)
-        self.setWordWrap(False)
-        self.verticalHeader().hide()
-        self.verticalHeader().setDefaultSectionSize(ROW_PX)
-        self.setVerticalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        header = self.horizontalHeader()
-        header.setFixedHeight(HEADER_PX)
-        header.setSectionsClickable(False)
-        header.setSectionResizeMode(QHeaderView.ResizeMode.Fixed)
+        header = show_whole(self, self.text_model, ROW_PX, HEADER_PX)
         for column, width in enumerate(widths):
             if width:
                 header.resizeSection(column, width)
             else:
                 header.setSectionResizeMode(column, QHeaderView.ResizeMode.Stretch)
-        self.setFixedHeight(HEADER_PX + ROW_PX * rows + 4)
 
     def set_language(self, language: Language) -> None:
         """Write the titles in a language."""

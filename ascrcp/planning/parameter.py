@@ -120,13 +120,14 @@ class Parameters(Struct):
     check: CheckParameters
 
 
-def load_parameters(path: Path = CONFIG / "planning.yaml") -> Parameters:
-    """Read the planning configuration.
+def load_parameters(path: Path = CONFIG / "planning.yaml", planner: str | None = None) -> Parameters:
+    """Read the planning configuration; `planner` in place of the configured one.
 
     Raises:
         ConfigError: Unreadable, or a value outside its range; the message names both.
     """
-    return load(path, Parameters, {"process": msgspec.to_builtins(load_process())})
+    found = load(path, Parameters, {"process": msgspec.to_builtins(load_process())})
+    return found if planner is None else check_parameters(change(found, planner=planner))
 
 
 S = TypeVar("S", bound=Struct)
