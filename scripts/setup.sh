@@ -101,7 +101,9 @@ sync() {
         ! .venv/bin/python -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 13))' 2>/dev/null; then
         "$UV" venv --quiet --no-project --clear --python "$1" .venv
     fi
-    "$UV" sync --frozen --no-progress --quiet --python .venv/bin/python
+    # compiled here, once: a cab's start does not wait for it, nor does a read-only or PYTHONDONTWRITEBYTECODE one
+    "$UV" sync --frozen --no-progress --quiet --compile-bytecode --python .venv/bin/python
+    .venv/bin/python -m compileall -q ascrcp
 }
 
 mkdir -p "$TOOLS"
