@@ -46,6 +46,9 @@ NEUTRAL = 0.2
 
 LOST = StickState()
 
+REST = StickState(lost=False, reason="")
+"""A sound stick that nobody holds."""
+
 
 class Joystick(Protocol):
     """Any stick."""
@@ -71,9 +74,13 @@ class Joystick(Protocol):
 
 
 class StaleLimits(Struct):
-    """Age at which a source counts as lost [ms]."""
+    """Age at which a source counts as lost [ms].
 
-    screen: Annotated[int, Meta(ge=20, le=500)]
+    The screen's counts from the cycle that saw it, up to one cycle after it was set, and is judged once a
+    cycle: below three cycles of 20 ms the wire is zero 80 ms after the screen hung.
+    """
+
+    screen: Annotated[int, Meta(ge=20, le=59)]
     usb: Annotated[int, Meta(ge=20, le=500)]
     can: Annotated[int, Meta(ge=20, le=500)]
 

@@ -3,7 +3,7 @@
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout
 
 from ascrcp.core.errors import RefusedError
-from ascrcp.devices.joystick import LOST, StickState
+from ascrcp.devices.joystick import LOST, REST, StickState
 from ascrcp.hmi import quantity
 from ascrcp.hmi.contract import Session
 from ascrcp.hmi.panel import Panel, make_button, make_label, set_text
@@ -21,7 +21,7 @@ class MovePart(Panel):
     def __init__(self, session: Session) -> None:
         super().__init__(framed=False)
         self._session, self._joint = session, session.arm.joints[0]
-        self._is_stick, self._held = False, 0
+        self._is_stick, self._held, self._state = False, 0, REST
         self.hint = make_label("value", wrap=True)
         self.place, self.status = make_label("number"), make_label("message", wrap=True)
         self.buttons: dict[int, QPushButton] = {}
@@ -67,7 +67,8 @@ class MovePart(Panel):
             # the enable key counts only from a centred stick (fault F24): deflect one refresh later
             along = DEFLECTION * held if held == self._held else 0.0
             self._held = held
-            self._session.put_stick(StickState(along=along, deadman=held != 0, lost=False, reason=""))
+            self._state = StickState(along=along, deadman=held != 0, lost=False, reason="")
+            self.keep_stick()
         reason = self._session.jog_refusal()
         self.begin_button.setText(say("move_end" if job.jogging else "move_begin", language))
         self.begin_button.setEnabled(job.jogging or reason is None)
@@ -83,6 +84,12 @@ class MovePart(Panel):
         value = snapshot.q[index] if index < len(snapshot.q) else float("nan")
         name = (self._joint.name, self._joint.name_zh)[language]
         set_text(self.place, f"{self._joint.number} {name}: {unit.show(value)}")
+
+    def keep_stick(self) -> None:
+        """Say what the buttons do; a button let go since the last refresh holds nothing any more."""
+        if self._is_stick:
+            is_held = self.minus.isDown() or self.plus.isDown()
+            self._session.put_stick(self._state if is_held else REST)
 
     def leave(self) -> None:
         """End the test and take the screen's stick away."""

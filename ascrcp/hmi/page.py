@@ -32,6 +32,9 @@ class Page(Panel):
     def show_scene(self, scene: Scene) -> None:
         """Take a new scene; called once for each version, in front or not."""
 
+    def keep_stick(self) -> None:
+        """Say again what the stick on this page does; called every `stick_ms` while it is in front."""
+
     def leave(self) -> None:
         """End what must not go on while another page is in front."""
 

@@ -5,7 +5,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QHBoxLayout, QPushButton, QVBoxLayout
 
 from ascrcp.core.errors import RefusedError
-from ascrcp.devices.joystick import StickState
+from ascrcp.devices.joystick import REST, StickState
 from ascrcp.hmi.contract import Session
 from ascrcp.hmi.nozzle_panel import NozzlePanel
 from ascrcp.hmi.page import Page
@@ -26,14 +26,13 @@ BUTTONS = (
     ("semi_spray_more", "semi_spray_less", "semi_spray_none"),
 )
 """By columns, from the top."""
-REST = StickState(lost=False, reason="")
 
 
 class SemiAutomaticPage(Page):
     """The pad at the left, what the stick does in the middle, its commands at the right.
 
-    While this page is in front the screen is the stick, if none other is configured; it says so at every
-    refresh, so that a screen that hangs has let go (fault F29).
+    While this page is in front the screen is the stick, if none other is configured; it says so every
+    `stick_ms`, so that a screen that hangs has let go (fault F29).
     """
 
     key = "semi"
@@ -42,7 +41,7 @@ class SemiAutomaticPage(Page):
         super().__init__()
         self._session = session
         self._lever = 0.0
-        self._is_lifting = self._is_stick = self._is_front = False
+        self._is_lifting = self._is_stick = self._is_front = self._is_jog = False
         self.pad = StickPad(screen)
         self.hint = make_label("small", wrap=True, centred=True)
         self.hint.setFixedHeight(HINT_PX)
@@ -119,8 +118,8 @@ class SemiAutomaticPage(Page):
         job, language = snapshot.job, self.language
         is_jog = job.jogging
         is_steered = is_jog or snapshot.steer is not None
-        if self._is_stick:
-            self._session.put_stick(self._state(is_jog))
+        self._is_jog = is_jog
+        self.keep_stick()
         self.pad.setEnabled(self._is_stick)
         hint = "semi_other_stick" if not self._is_stick else "semi_pad_jog" if is_jog else "semi_pad_plan"
         set_text(self.hint, say(hint, language))
@@ -146,9 +145,15 @@ class SemiAutomaticPage(Page):
             self.buttons[name].setEnabled(self._is_stick and job.mode is Mode.SEMI_AUTOMATIC and not is_jog)
         self._name_directions(is_jog)
 
+    def keep_stick(self) -> None:
+        """Say what the pad does now."""
+        if self._is_stick and self._is_front:
+            self._session.put_stick(self._state(self._is_jog))
+
     def leave(self) -> None:
         """Let go of the stick: whoever looks at another page does not steer."""
         self.pad.let_go()
+        self._is_front = False
         if self._is_stick:
             self._session.put_stick(REST)
 

@@ -133,6 +133,11 @@ class SetupPage(Page):
         if isinstance(part, (BusPart, ZeroPart, MovePart, EditorPart)):
             part.show_snapshot(snapshot)
 
+    def keep_stick(self) -> None:
+        """Hold the joint test's buttons, if it is in front."""
+        if self._is_open and self.stack.currentWidget() is self.mover:
+            self.mover.keep_stick()
+
     def choose(self, key: str) -> None:
         """Bring a part to the front."""
         if self.stack.currentWidget() is self.mover and key != "setup_move":

@@ -2,7 +2,7 @@
 
 import math
 
-from PySide6.QtCore import QPointF, QRectF, Qt
+from PySide6.QtCore import QEvent, QPointF, QRectF, Qt
 from PySide6.QtGui import QColor, QFocusEvent, QFont, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
@@ -95,6 +95,12 @@ class StickPad(QWidget):
         """Let go when the keyboard goes elsewhere: its releases would not be seen."""
         self.let_go()
         super().focusOutEvent(event)
+
+    def event(self, event: QEvent) -> bool:
+        """Let go when the window goes away, to another program or altogether: no release would come."""
+        if event.type() in (QEvent.Type.WindowDeactivate, QEvent.Type.Hide, QEvent.Type.UngrabMouse):
+            self.let_go()
+        return super().event(event)
 
     def _turn_key(self, event: QKeyEvent, down: bool) -> None:
         if event.isAutoRepeat():

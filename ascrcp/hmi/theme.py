@@ -130,6 +130,7 @@ class Screen(Struct):
     language: Literal["zh", "en"]
     theme: ThemeName
     refresh_ms: Annotated[int, Meta(ge=20, le=200)]
+    stick_ms: Annotated[int, Meta(ge=10, le=40)]
     size: Size
     touch_px: Annotated[int, Meta(ge=60, le=200)]
     stale_ms: Positive

@@ -84,6 +84,10 @@ class Window(QWidget):
         self._timer.setTimerType(Qt.TimerType.PreciseTimer)
         self._timer.timeout.connect(self.refresh)
         self._timer.start(screen.refresh_ms)
+        self._pulse = QTimer(self)
+        self._pulse.setTimerType(Qt.TimerType.PreciseTimer)
+        self._pulse.timeout.connect(self._keep_stick)
+        self._pulse.start(screen.stick_ms)
 
     @property
     def page(self) -> Page:
@@ -103,6 +107,11 @@ class Window(QWidget):
                 page.show_scene(scene)
         self._do_one(scene)
         self.refreshed.emit(snapshot)
+
+    def _keep_stick(self) -> None:
+        """Send the stick more often than pictures are drawn: a hung screen is told in 100 ms (F29)."""
+        if self._is_open:
+            self.page.keep_stick()
 
     def _do_one(self, scene: Scene) -> None:
         """Do one piece of what would keep the interpreter too long at once."""
@@ -184,6 +193,7 @@ class Window(QWidget):
             return
         self._is_open = False
         self._timer.stop()
+        self._pulse.stop()
         self._stop_motion()
         self._session.close()
         self.preparation.close()

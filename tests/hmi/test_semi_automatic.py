@@ -11,7 +11,10 @@ from pytestqt.qtbot import QtBot
 from rehearsal import Rehearsal
 
 from ascrcp.app import Options, open_session
-from ascrcp.devices.joystick import StickState
+from ascrcp.core.clock import CYCLE_NS
+from ascrcp.core.config import load
+from ascrcp.core.paths import CONFIG
+from ascrcp.devices.joystick import REST, JoystickConfig, StickState
 from ascrcp.hmi.stick_pad import StickPad
 from ascrcp.hmi.text import Language
 from ascrcp.hmi.theme import Screen
@@ -111,6 +114,37 @@ def test_another_page_lets_go_of_the_stick(page: tuple[Window, Rehearsal], qtbot
     assert not session.stick.deadman
     window.refresh()
     assert not session.stick.deadman and not session.stick.lost
+
+
+def test_the_stick_is_sent_without_a_picture_and_no_more_from_a_hung_screen(
+    page: tuple[Window, Rehearsal], qtbot: QtBot, screen: Screen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """F29: the pad's own timer, not the refresh, keeps the stick; what a busy screen may miss is one beat."""
+    window, session = page
+    stale = load(CONFIG / "devices" / "joystick.yaml", JoystickConfig).stale_ms.screen
+    assert 2 * screen.stick_ms < stale < 3 * CYCLE_NS / 1e6
+    sent: list[StickState] = []
+    monkeypatch.setattr(session, "put_stick", sent.append)
+    qtbot.mousePress(window.semi.pad, Qt.MouseButton.LeftButton, pos=place(window.semi.pad, 0.0, 0.0))
+    qtbot.waitUntil(lambda: len(sent) >= 3)
+    assert all(state.deadman and not state.lost for state in sent[-2:])
+    window.show_page("alarms")
+    assert sent[-1] == REST
+    sent.clear()
+    for _ in range(3):
+        window._keep_stick()
+    assert sent == []
+
+
+def test_a_finger_on_a_window_that_goes_away_holds_nothing(
+    page: tuple[Window, Rehearsal], qtbot: QtBot
+) -> None:
+    window, _ = page
+    pad = window.semi.pad
+    qtbot.mousePress(pad, Qt.MouseButton.LeftButton, pos=place(pad, 0.0, 0.0))
+    assert pad.is_held
+    window.hide()
+    assert not pad.is_held
 
 
 def test_spray_buttons_dose_within_their_range(page: tuple[Window, Rehearsal], qtbot: QtBot) -> None:

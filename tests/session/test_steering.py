@@ -32,7 +32,7 @@ from ascrcp.control.steer_tracker import SteerTracker
 from ascrcp.control.tracker import Tracker
 from ascrcp.core.config import load
 from ascrcp.core.paths import CONFIG
-from ascrcp.devices.joystick import JoystickConfig, StickState
+from ascrcp.devices.joystick import REST, JoystickConfig, SetStick, StickState
 from ascrcp.devices.joystick_can import CanJoystick, encode_frame, frame_id
 from ascrcp.devices.machine_link import MachineLink
 from ascrcp.kinematics.arm import Arm
@@ -44,7 +44,6 @@ from ascrcp.session.replay import replay
 from ascrcp.session.steering import KernelMaker, SteerOrder
 
 JOYSTICK = load(CONFIG / "devices" / "joystick.yaml", JoystickConfig)
-REST = StickState(lost=False, reason="")
 _channel = count()
 
 
@@ -220,6 +219,30 @@ def test_a_lost_stick_stops_within_100_ms(
     finally:
         stick.close()
         bus.shutdown()
+
+
+@pytest.mark.parametrize("moment", [2.0, 2.94, 4.06])
+def test_a_hung_screen_stops_within_100_ms(
+    make_bench: Callable[..., SteerBench], plan: SteerPlan, moment: float
+) -> None:
+    """F22, F29: the stick on the screen was set just after a cycle, and never again: zero 80 ms later."""
+    bench = make_bench(plan)
+    bench.begin(0, 60)
+    stick = SetStick(JOYSTICK.stale_ms.screen)
+    bench.cycle._stick = Stick(stick, bench.cycle._stick.tracker, bench.kernels)  # type: ignore[union-attr]
+    for k in range(round(moment / 0.02)):
+        stick.put(REST._replace(along=1.0 if k > 30 else 0.0, deadman=k > 10))
+        bench.turn()
+    assert any(bench.last.verdict.command.drive)
+    stick.put(REST._replace(along=1.0, deadman=True))
+    bench.run(0.06)
+    assert any(bench.last.verdict.command.drive)  # as long as a screen may be late
+    bench.run(0.02)
+    assert not any(bench.last.verdict.command.drive) and not bench.last.verdict.command.enable
+    assert bench.last.verdict.state is GateState.STOPPED
+    assert bench.last.verdict.causes == ("joystick_lost",)
+    bench.turn()
+    assert not any(bench.rig.drive)
 
 
 def _fields(struct: object) -> dict[str, object]:
