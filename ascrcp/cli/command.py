@@ -12,6 +12,7 @@ from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.perception.parameter import load_parameters as load_perception
 from ascrcp.planning.parameter import load_parameters as load_planning
+from ascrcp.planning.target import LEFT_TEXT
 from ascrcp.session import stages
 from ascrcp.session.report import build_report
 from ascrcp.session.round import Round
@@ -74,8 +75,12 @@ def describe_prediction(found: dict[str, Any]) -> list[str]:
         f"predicted: {100 * found['within_tolerance']:.1f} % of {found['area_m2']:.1f} m2 within tolerance, "
         f"deviation {found['finish_std_mm']:.1f} mm, at most {found['thinnest_mm']:.0f} mm too thin",
         f"concrete: {found['pumped_m3']:.2f} m3 pumped for {found['wanted_m3']:.2f} m3, rebound "
-        f"{100 * found['rebound']:.0f} %, {found['duration_s'] / 60:.0f} min",
-        *(f"left out: {area:.1f} m2, {reason}" for reason, area in found["left_out_m2"].items()),
+        f"{100 * found['rebound']:.0f} %, {found['duration_s'] / 60:.0f} min"
+        + ("" if found.get("with_moves", True) else " of spraying; the moves between come on top: solve"),
+        *(
+            f"left out: {area:.1f} m2, {LEFT_TEXT.get(reason, reason)}"
+            for reason, area in found["left_out_m2"].items()
+        ),
     ]
 
 

@@ -10,7 +10,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.pump import laid_amount
 from ascrcp.planning.spray_plan import SprayPlan
-from ascrcp.planning.target import LEFT_TEXT, Left, mean_finish, mean_patch
+from ascrcp.planning.target import Left, mean_finish, mean_patch
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,8 @@ class Prediction:
         pumped: Concrete pumped [m3].
         layer: Thickest layer laid by one run of passes over a patch.
         duration: Of the spraying [s]; with its moves if the sequence is known.
-        left: Area left out by reason [m2].
+        with_moves: Whether they are counted.
+        left: Area left out by the code of its reason [m2].
     """
 
     growth: Array
@@ -46,6 +47,7 @@ class Prediction:
     pumped: float
     layer: float
     duration: float
+    with_moves: bool
     left: dict[str, float]
 
     @property
@@ -67,6 +69,7 @@ class Prediction:
             "rebound": self.rebound,
             "thickest_layer_mm": 1e3 * self.layer,
             "duration_s": self.duration,
+            "with_moves": self.with_moves,
             "left_out_m2": self.left,
         }
 
@@ -105,8 +108,9 @@ def predict(plan: SprayPlan, process: ProcessParameters, sequence: JointSequence
         pumped=float(amount @ stretches.length),
         layer=_thickest_layer(plan, amount, process),
         duration=duration,
+        with_moves=sequence is not None,
         left={
-            LEFT_TEXT[reason]: float(target.area[target.left == reason].sum())
+            reason.code: float(target.area[target.left == reason].sum())
             for reason in Left
             if reason not in (Left.NOT, Left.OUTSIDE) and (target.left == reason).any()
         },

@@ -30,16 +30,25 @@ class Left(IntEnum):
     ARM = 4
     SHADOW = 5
     BEFORE = 6
+    STEEP = 7
+    EDGE = 8
+
+    @property
+    def code(self) -> str:
+        """Name by which files and screens know the reason."""
+        return self.name.lower()
 
 
 LEFT_TEXT = {
-    Left.OUTSIDE: "outside the part to spray",
-    Left.UNSEEN: "not seen by the scan",
-    Left.FLOOR: "the nozzle would be too near the floor",
-    Left.ARM: "the arm does not reach it, or not without coming too near to something",
-    Left.SHADOW: "in the shadow of an arch, or beyond the passes",
-    Left.BEFORE: "muck or something else lies before the wall",
+    Left.UNSEEN.code: "not seen by the scan",
+    Left.FLOOR.code: "the nozzle would be too near the floor",
+    Left.ARM.code: "the arm does not reach it, or not without coming too near to something",
+    Left.SHADOW.code: "in the shadow of an arch",
+    Left.BEFORE.code: "muck or something else lies before the wall",
+    Left.STEEP.code: "the flank of a pocket is too steep for the jet",
+    Left.EDGE.code: "beyond the outermost passes",
 }
+"""What the reasons mean, by code, for a reader of English."""
 
 
 @dataclass(frozen=True)

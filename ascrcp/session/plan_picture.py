@@ -72,10 +72,12 @@ def _show_left(ax: Any, layout: Layout, angle: Array) -> None:
         (Left.ARM, "xxxx"),
         (Left.SHADOW, "\\\\\\\\"),
         (Left.BEFORE, "++++"),
+        (Left.STEEP, "oooo"),
+        (Left.EDGE, "----"),
     ):
         mine = (target.left == reason).astype(float)
         if mine.any():
             ax.contourf(angle, target.station, mine, levels=[0.5, 1.5], colors="none", hatches=[hatch])
-            ax.plot([], [], "k-", lw=0, label=f"{hatch[0]} {LEFT_TEXT[reason]}")
+            ax.plot([], [], "k-", lw=0, label=f"{hatch[0]} {LEFT_TEXT[reason.code]}")
     if ax.get_legend_handles_labels()[0]:
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=8, handlelength=0)

@@ -10,6 +10,7 @@ import numpy as np
 from ascrcp.core.file import write_atomic
 from ascrcp.core.paths import RESOURCES
 from ascrcp.planning.table import read_path
+from ascrcp.planning.target import LEFT_TEXT
 from ascrcp.session import picture
 from ascrcp.session.evaluation import RULE_DEG, RULE_MM
 from ascrcp.session.layout_store import read_layout
@@ -79,7 +80,8 @@ def _prediction(round_: Round) -> dict[str, Any] | None:
         return None
     tree = read_json(round_.prediction)
     found: dict[str, Any] = tree.get("driven", tree["planned"])
-    return {**found, "again": tree["again"]}
+    left = {LEFT_TEXT.get(code, code): area for code, area in found["left_out_m2"].items()}
+    return {**found, "again": tree["again"], "left_out_m2": left}
 
 
 def _length(points: np.ndarray) -> float:

@@ -12,7 +12,7 @@ from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow, laid_amount
 from ascrcp.planning.rescan import find_after
 from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
-from ascrcp.planning.target import LEFT_TEXT, Left
+from ascrcp.planning.target import Left
 from ascrcp.planning.wall import find_floor
 
 PARAMETERS = load_parameters()
@@ -98,12 +98,12 @@ def test_speed_and_flow_lay_the_dose_within_what_pump_and_nozzle_can() -> None:
 
 def test_what_cannot_be_covered_is_named() -> None:
     left = predict(PLAN, PROCESS).left
-    assert LEFT_TEXT[Left.FLOOR] in left and all(area > 0.0 for area in left.values())
+    assert Left.FLOOR.code in left and all(area > 0.0 for area in left.values())
     holes = heading(holes=0.2)
     offset = holes.offset.copy()
     offset[:, 150:200] = np.nan
     unseen = predict(make(dataclasses.replace(holes, offset=offset)), PROCESS).left
-    assert unseen[LEFT_TEXT[Left.UNSEEN]] > 1.0
+    assert unseen[Left.UNSEEN.code] > 1.0
 
 
 def test_points_the_arm_does_not_reach_are_left_out_and_their_neighbours_help() -> None:
@@ -112,7 +112,7 @@ def test_points_the_arm_does_not_reach_are_left_out_and_their_neighbours_help() 
     reached[gone] = False
     found = replan(PLAN.layout, SURFACE, PLAN.path, reached, PROCESS)
     assert not np.isin(found.dose.stretches.first, np.flatnonzero(gone)).any()
-    assert predict(found, PROCESS).left[LEFT_TEXT[Left.ARM]] > 0.3
+    assert predict(found, PROCESS).left[Left.ARM.code] > 0.3
     same = replan(PLAN.layout, SURFACE, PLAN.path, np.ones(len(PLAN.path), bool), PROCESS)
     np.testing.assert_allclose(same.dose.amount, PLAN.dose.amount, atol=1e-6)
 
