@@ -17,6 +17,7 @@ from mcap.writer import CompressionType, Writer
 from ascrcp.core.errors import InputError
 from ascrcp.session.cycle import CycleOutput
 from ascrcp.session.journal import Entry, Journal
+from ascrcp.session.log_index import ChunkIndexFile, keep_index_in
 from ascrcp.session.order import encode_order
 from ascrcp.session.store import encode_json
 
@@ -99,11 +100,13 @@ class Recorder:
         self._journal = Journal(folder / "events.sqlite")
         try:
             self._file = _open_log(folder / "run.mcap")
+            self._index = ChunkIndexFile(folder)
         except OSError as error:
             self._journal.close()
             raise InputError(f"{folder / 'run.mcap'}: {error.strerror or error}") from None
         self._writer = Writer(self._file, chunk_size=CHUNK_BYTES, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library="ascrcp")
+        keep_index_in(self._index, self._writer)
         self._channels = {topic: self._register(topic, schema) for topic, schema in _SCHEMAS.items()}
         for topic, encoding in ((CAN_TOPIC, "x-ascrcp-can"), (ORDER_TOPIC, "x-ascrcp-order")):
             self._channels[topic] = self._writer.register_channel(topic, encoding, 0)
@@ -182,7 +185,11 @@ class Recorder:
         self._queue.put(None)
         self._thread.join()
         try:
-            with contextlib.closing(self._journal), contextlib.closing(self._file):
+            with (
+                contextlib.closing(self._journal),
+                contextlib.closing(self._file),
+                contextlib.closing(self._index),
+            ):
                 self._writer.finish()
         except OSError as error:
             self.failed = self.failed or f"run log: {error}"
