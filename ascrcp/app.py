@@ -15,6 +15,7 @@ from ascrcp.control.config import ControlConfig
 from ascrcp.control.steer_config import load_steer_config
 from ascrcp.control.steer_tracker import SteerTracker
 from ascrcp.control.tracker import Tracker
+from ascrcp.core.clock import CYCLE_S, NS
 from ascrcp.core.config import convert, load, merge, read_yaml
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.paths import CONFIG
@@ -29,6 +30,7 @@ from ascrcp.devices.machine_link import DBC, CanConfig, MachineLink, load_can_co
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.parameter import find_sensor_zero
 from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.parameter import load_parameters as load_planning
 from ascrcp.safety.config import SafetyConfig
 from ascrcp.safety.gate import Gate
@@ -41,13 +43,15 @@ from ascrcp.session.setup import ReportConfig, Setup
 from ascrcp.session.steering import KernelMaker
 from ascrcp.session.store import write_json
 from ascrcp.session.surroundings import find_obstacles
+from ascrcp.simulation.deposition import DepositionConfig
+from ascrcp.simulation.growth import GrowthConfig, NozzleRecord, SprayTruth
 from ascrcp.simulation.heading import build_heading
 from ascrcp.simulation.lidar import LidarServer
 from ascrcp.simulation.lidar_model import LidarConfig
 from ascrcp.simulation.rig import FOLDER, Fault, FaultKind, Rig, RigConfig
 from ascrcp.simulation.tunnel import TunnelConfig
 
-RIG_KEYS = ("arm", "bus", "tunnel", "lidar")
+RIG_KEYS = ("arm", "bus", "tunnel", "lidar", "deposition", "growth")
 LOCKSTEP_LIDAR_S = 30.0  # time stands still meanwhile; a busy computer must not look like a silent lidar
 _CHANNELS = itertools.count(1)
 
@@ -88,6 +92,8 @@ class Simulation:
     rig: RigConfig
     tunnel: TunnelConfig
     lidar: LidarConfig
+    jet: DepositionConfig
+    growth: GrowthConfig
 
 
 def load_simulation(overlay: Path | None) -> Simulation:
@@ -111,21 +117,32 @@ def load_simulation(overlay: Path | None) -> Simulation:
         rig=convert({"arm": tree["arm"], "bus": tree["bus"]}, RigConfig, where),
         tunnel=convert(tree["tunnel"], TunnelConfig, f"{where}: tunnel"),
         lidar=convert(tree["lidar"], LidarConfig, f"{where}: lidar"),
+        jet=convert(tree["deposition"], DepositionConfig, f"{where}: deposition"),
+        growth=convert(tree["growth"], GrowthConfig, f"{where}: growth"),
     )
 
 
 class Site:
     """The simulated machine in its heading: what the session calls the plant."""
 
-    def __init__(self, rig: Rig, lidar: LidarServer | None) -> None:
+    def __init__(self, rig: Rig, lidar: LidarServer | None, record: NozzleRecord) -> None:
         self.rig = rig
         self._lidar = lidar
+        self._record = record
 
     def step(self, now_ns: int) -> None:
-        """Advance the rig by one cycle and carry the lidar along."""
+        """Advance the rig by one cycle, carry the lidar along, let the wall grow."""
         self.rig.step(now_ns)
-        if self._lidar is not None:
-            self._lidar.set_pose(self.rig.T_base_mount(), self.rig.pan)
+        if self._lidar is None:
+            return
+        self._lidar.set_pose(self.rig.T_base_mount(), self.rig.pan)
+        batch = self._record.add(now_ns / NS, self.rig.true_nozzle(), self.rig.flow, CYCLE_S)
+        if batch is not None:
+            self._lidar.lay(batch)
+
+    def concrete(self) -> dict[str, float]:
+        """Return what became of the concrete so far [m3]; empty where a cloud stands for the wall."""
+        return {} if self._lidar is None else self._lidar.concrete()
 
     def plant_fault(self, kind: FaultKind, frame: str, value: float) -> None:
         """Plant a fault in the rig, from the next cycle on."""
@@ -185,11 +202,13 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
         round_ = open_round(folder, rounds)
         opened.enter_context(round_.lock())
         round_.check_machine(options.machine)
-        server = None
+        server, spray = None, _spray_truth(simulation, planning)
         if options.cloud is None:
             heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
             write_json(round_.folder / "truth.json", heading.truth.to_dict())
-            server = opened.enter_context(closing(LidarServer(simulation.lidar, heading, options.seed)))
+            server = opened.enter_context(
+                closing(LidarServer(simulation.lidar, heading, options.seed, spray))
+            )
         machine, rig, ours = _open_rig(arm, can, codec, simulation.rig, options, opened)
         timeout_s = LOCKSTEP_LIDAR_S if options.lockstep else device.timeout_s
         lidar: Lidar = SickLidar(server.host, server.port, timeout_s) if server else _NoLidar()
@@ -211,7 +230,7 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
                 control=control,
                 payload_kg=options.load_kg,
                 cloud=options.cloud,
-                plant=Site(rig, server),
+                plant=Site(rig, server, NozzleRecord(spray)),
                 truth=rig.true_nozzle,
                 lockstep=options.lockstep,
                 steer=steer,
@@ -270,6 +289,12 @@ def open_gate(arm: Arm) -> Gate:
     """Build the gate for an arm."""
     limits = Limits.of_arm(arm.joints, arm.max_speed.tolist())
     return Gate(limits, load(CONFIG / "safety.yaml", SafetyConfig))
+
+
+def _spray_truth(simulation: Simulation, planning: PlanningParameters) -> SprayTruth:
+    """Put together what the site knows about the spraying; its pump is the one the plan reckons with."""
+    depth = simulation.tunnel.arches.depth
+    return SprayTruth(simulation.jet, simulation.growth, depth, planning.process.spray.pump_m3_s)
 
 
 def _check_bus(can: CanConfig) -> None:

@@ -1,12 +1,15 @@
-"""The simulated lidar seen from the rig: starts its process, tells it the pose, knows its port."""
+"""The simulated lidar seen from the rig: starts its process, tells it pose and spray, knows its port."""
 
 import contextlib
 import multiprocessing
+import threading
+from typing import Any
 
 import numpy as np
 
 from ascrcp.core.errors import DeviceError, InputError
 from ascrcp.core.geometry import Array
+from ascrcp.simulation.growth import SprayTruth
 from ascrcp.simulation.heading import Heading
 from ascrcp.simulation.lidar_model import LidarConfig
 from ascrcp.simulation.lidar_pose import PoseBoard
@@ -14,6 +17,7 @@ from ascrcp.simulation.lidar_process import FAULTS, HOST, serve
 
 START_LIMIT_S = 60.0  # loading Open3D takes 2 s; a loaded machine may need much longer
 STOP_LIMIT_S = 2.0
+ANSWER_LIMIT_S = 30.0  # batches still to be laid come first; placeholder
 
 
 class LidarServer:
@@ -26,6 +30,7 @@ class LidarServer:
         config: The scanner.
         heading: What it looks at.
         seed: Seed of its noise, 0 or above.
+        spray: How the wall it sees takes up concrete; None: not at all.
 
     Raises:
         InputError: A negative seed.
@@ -33,13 +38,16 @@ class LidarServer:
 
     host = HOST
 
-    def __init__(self, config: LidarConfig, heading: Heading, seed: int) -> None:
+    def __init__(
+        self, config: LidarConfig, heading: Heading, seed: int, spray: SprayTruth | None = None
+    ) -> None:
         if not seed >= 0:
             raise InputError(f"seed {seed}, allowed 0 or above")
         context = multiprocessing.get_context("spawn")
         self._poses = PoseBoard(context)
         self._pipe, theirs = context.Pipe()
         self._port: int | None = None
+        self._lock = threading.Lock()  # the rig sprays while another thread plants faults or asks
         self._process = context.Process(
             target=serve, args=(config, int(seed), self._poses, theirs), name="lidar", daemon=True
         )
@@ -47,7 +55,7 @@ class LidarServer:
         theirs.close()
         # not among the arguments: starting a process that dies at once would wait for ever to hand them over
         with contextlib.suppress(OSError):  # `port` says that it has ended
-            self._pipe.send(heading)
+            self._pipe.send((heading, spray))
 
     @property
     def port(self) -> int:
@@ -87,7 +95,30 @@ class LidarServer:
         """
         if fault not in FAULTS:
             raise DeviceError(f"simulated lidar: unknown fault {fault!r}, allowed {', '.join(FAULTS)}")
-        self._pipe.send((fault, int(telegrams)))
+        with self._lock:
+            self._pipe.send(("fault", (fault, int(telegrams))))
+
+    def lay(self, batch: Array) -> None:
+        """Let the wall grow by a full batch of a `NozzleRecord`; a process that has died sees no wall."""
+        with self._lock, contextlib.suppress(OSError):
+            self._pipe.send(("lay", batch))
+
+    def concrete(self) -> dict[str, Any]:
+        """Return what became of the concrete laid so far [m3], the rig's truth.
+
+        Raises:
+            DeviceError: The process does not answer.
+        """
+        _ = self.port  # the first thing it says
+        with self._lock:
+            try:
+                self._pipe.send(("concrete", None))
+                if self._pipe.poll(ANSWER_LIMIT_S):
+                    found: dict[str, Any] = self._pipe.recv()
+                    return found
+            except (EOFError, OSError):
+                pass
+        raise DeviceError("simulated lidar: its process does not answer")
 
     def close(self) -> None:
         """Stop the process; closing twice is allowed."""

@@ -9,11 +9,14 @@ import socket
 import struct
 from collections.abc import Callable
 from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
 
 from ascrcp.core.errors import DeviceError
+from ascrcp.core.geometry import Array
 from ascrcp.devices import lidar_telegram as cola
+from ascrcp.simulation.growth import GrowingWall, SprayTruth
 from ascrcp.simulation.heading import Heading
 from ascrcp.simulation.lidar_model import LidarConfig, LidarModel
 from ascrcp.simulation.lidar_pose import PoseBoard
@@ -22,6 +25,7 @@ HOST = "127.0.0.1"
 MAX_REQUEST = 1024  # a longer request is not ours [bytes]
 UNKNOWN_COMMAND = b"sFA" + struct.pack(">H", 2)  # SOPAS: method or variable unknown
 FAULTS = ("silent", "corrupt", "truncate", "freeze", "status")
+IDLE_S = 0.5  # the wall is looked at anew when nothing has been laid for so long: no scan waits for it
 
 
 class LidarNode:
@@ -32,11 +36,21 @@ class LidarNode:
         model: What it sees.
         poses: Where it is.
         seed: Seed of its noise; every scan draws from (seed, scan counter) alone.
+        wall: What it looks at, where it grows; None where it does not.
     """
 
-    def __init__(self, config: LidarConfig, model: LidarModel, poses: PoseBoard, seed: int) -> None:
+    def __init__(
+        self,
+        config: LidarConfig,
+        model: LidarModel,
+        poses: PoseBoard,
+        seed: int,
+        wall: GrowingWall | None = None,
+    ) -> None:
         self._config = config
         self._model = model
+        self._wall = wall
+        self.has_grown = False
         self._poses = poses
         self._seed = seed
         self._scans = 0
@@ -45,6 +59,22 @@ class LidarNode:
     def inject(self, fault: str, telegrams: int) -> None:
         """Spoil the next telegrams in one of the ways of FAULTS."""
         self._faults[fault] = telegrams
+
+    def lay(self, batch: Array) -> None:
+        """Let the wall grow; it is looked at anew before the next scan."""
+        if self._wall is not None:
+            self._wall.lay(batch)
+            self.has_grown = True
+
+    def concrete(self) -> dict[str, Any]:
+        """Return what became of the concrete [m3], empty where no wall grows."""
+        return {} if self._wall is None else self._wall.summary()
+
+    def look_anew(self) -> None:
+        """Take the wall as it has grown."""
+        if self.has_grown and self._wall is not None:
+            self._model = LidarModel(self._config, self._wall.heading())
+            self.has_grown = False
 
     def answer(self, payload: bytes) -> bytes:
         """Return the frame that answers one request, empty if the scanner stays silent."""
@@ -66,6 +96,7 @@ class LidarNode:
         config = self._config
         if not self._take("freeze"):
             self._scans += 1
+        self.look_anew()
         T_base_mount, pan = self._poses.read()
         rng = np.random.default_rng([self._seed, self._scans])
         metres = self._model.measure(T_base_mount, pan, rng)
@@ -92,13 +123,14 @@ class LidarNode:
 def serve(config: LidarConfig, seed: int, poses: PoseBoard, pipe: Connection) -> None:
     """Run the scanner until the parent closes its end of the pipe or is gone.
 
-    The first message that comes is the heading; the first message back is the port, or the reason why
-    there is none.
+    The first message that comes is the heading and how it takes up concrete; the first message back is
+    the port, or the reason why there is none.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent; closing its pipe ends us
     try:
-        heading: Heading = pipe.recv()
-        node = LidarNode(config, LidarModel(config, heading), poses, seed)
+        heading, spray = _receive(pipe)
+        wall = None if spray is None else GrowingWall(heading, spray, seed)
+        node = LidarNode(config, LidarModel(config, heading), poses, seed, wall)
         listener = socket.create_server((HOST, 0))
     except EOFError:  # the parent is gone already
         return
@@ -110,7 +142,10 @@ def serve(config: LidarConfig, seed: int, poses: PoseBoard, pipe: Connection) ->
         selector.register(listener, selectors.EVENT_READ, lambda: _accept(listener, selector, node))
         pipe.send(listener.getsockname()[1])
         while _follow_parent(pipe, node):
-            for key, _ in selector.select():
+            ready = selector.select(IDLE_S if node.has_grown else None)
+            if not ready:
+                node.look_anew()
+            for key, _ in ready:
                 if key.data is not None and _follow_parent(pipe, node):
                     key.data()
         for key in list(selector.get_map().values()):
@@ -118,11 +153,22 @@ def serve(config: LidarConfig, seed: int, poses: PoseBoard, pipe: Connection) ->
                 key.fileobj.close()
 
 
+def _receive(pipe: Connection) -> tuple[Heading, SprayTruth | None]:
+    first: tuple[Heading, SprayTruth | None] = pipe.recv()
+    return first
+
+
 def _follow_parent(pipe: Connection, node: LidarNode) -> bool:
     """Take what the parent says before anything else; False when it is gone."""
     try:
         while pipe.poll():
-            node.inject(*pipe.recv())
+            kind, value = pipe.recv()
+            if kind == "fault":
+                node.inject(*value)
+            elif kind == "lay":
+                node.lay(value)
+            else:
+                pipe.send(node.concrete())
     except (EOFError, OSError):
         return False
     return True
