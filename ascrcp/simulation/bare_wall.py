@@ -65,7 +65,9 @@ def lay_bare(heading: Heading, cell: float, arch_depth: float) -> Bare:
         middle = arch.station + np.tan(np.radians(arch.lean_deg)) * (z - z.max())
         on |= np.abs(station[:, None] - middle) <= arch.width / 2.0
     flange = np.where(on & (np.abs(offset - truth.profile.arch_line) < 0.05), offset, np.nan)
-    rock = np.where(on, np.nan, offset)
+    # rows at the face and behind it: what stands inside the arch line is the face's own rock, not the wall
+    behind = (station > last - cell)[:, None] & (offset < truth.profile.arch_line - ON_FLANGE_M)
+    rock = np.where(on | behind, np.nan, offset)
     rows = np.arange(len(station))
     for column in rock.T:
         known = np.isfinite(column)
