@@ -7,7 +7,7 @@ from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.candidate import make_grid, solve_inside
-from ascrcp.kinematics.clearance import clearance, rough_clearance
+from ascrcp.kinematics.clearance import least_distance, rough_clearance
 from ascrcp.kinematics.feedback import tilt_path
 from ascrcp.kinematics.lean import lean_cone, repeat_points
 from ascrcp.kinematics.obstacle import Obstacles
@@ -53,5 +53,5 @@ def find_most_clearance(arm: Arm, path: SprayPath, rows: NDArray[np.int64], obst
             q = solve_inside(arm, pose[None], grid)[2]
             best = (-rough_clearance(arm, q, obstacles)).argsort(kind="stable")[:MEASURED]
             if len(best):
-                most[k] = max(most[k], float(clearance(arm, q[best], obstacles).distance.max()))
+                most[k] = max(most[k], float(least_distance(arm, q[best], obstacles).max()))
     return most

@@ -16,7 +16,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.core.paths import CONFIG
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.candidate import make_grid, solve_grid
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.path import PathSolution, solve_path
 from ascrcp.kinematics.sag import compensate
@@ -272,14 +272,14 @@ def count_missed(
     for pose in poses:
         q = solve_grid(arm, pose, grid).reshape(-1, arm.n)
         q = q[arm.within_limits(q)]
-        missed += bool(len(q) and (clearance(arm, q, obstacles).distance >= least).any())
+        missed += bool(len(q) and (least_distance(arm, q, obstacles) >= least).any())
     return missed
 
 
 def _moves(arm: Arm, sequence: JointSequence, obstacles: Obstacles, least: float) -> tuple[float, int, int]:
     """Clearance of the rows between strokes: least of all [m], number of moves, moves below least."""
     between = _runs(~(sequence.spraying | (sequence.point >= 0)))
-    lowest = [float(clearance(arm, sequence.q[run], obstacles).distance.min()) for run in between]
+    lowest = [float(least_distance(arm, sequence.q[run], obstacles).min()) for run in between]
     return min(lowest, default=np.inf), len(lowest), sum(value < least for value in lowest)
 
 

@@ -19,7 +19,7 @@ from ascrcp.core.profile import load_profile
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.barrier import make_barrier
 from ascrcp.kinematics.candidate import make_grid
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.lean import LeanSearch
 from ascrcp.kinematics.reach import Parking, ReachMap, compare_places, find_reach
 from ascrcp.kinematics.smooth import make_cost
@@ -108,7 +108,7 @@ def _find_blocked(options: Options, arm: Arm, cells: WallCells, reach: ReachMap)
         return None
     blocked = np.zeros(len(cells.T), dtype=bool)
     rows = np.flatnonzero(cells.asked & reach.reachable)
-    rows = rows[~(clearance(arm, reach.q[rows], obstacles).distance >= room.least)]
+    rows = rows[~(least_distance(arm, reach.q[rows], obstacles) >= room.least)]
     search = LeanSearch(
         arm,
         model,

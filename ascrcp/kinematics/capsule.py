@@ -84,9 +84,13 @@ class Body:
                 if number == 0:
                     end[:, :, c] = np.array(local)[:, None]
                     continue
-                x, y, z, p = frames[number - 1]
+                *axes, origin = frames[number - 1]
                 for i in range(3):
-                    end[i, :, c] = p[i] + local[0] * x[i] + local[1] * y[i] + local[2] * z[i]
+                    place = origin[i]
+                    for length, axis in zip(local, axes, strict=True):
+                        if length:  # most are zero: shapes lie along their link's axis
+                            place = place + length * axis[i]
+                    end[i, :, c] = place
         return ends[0], ends[1]
 
     def sample(self, arm: Arm, a: Array, b: Array) -> Array:

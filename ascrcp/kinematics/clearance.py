@@ -1,5 +1,6 @@
 """Clearance of the arm: joint vectors + Obstacles -> signed distance and closest pair."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -62,13 +63,13 @@ def clearance(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Clearance:
     Raises:
         InputError: Wrong shape, NaN, or an arm without capsules.
     """
-    q = np.asarray(q, dtype=float)
-    if q.ndim not in (1, 2) or q.shape[-1] != arm.n or not np.isfinite(q).all():
-        raise InputError(f"joint vectors must be finite with shape (n, {arm.n}), not {q.shape}")
-    q = q.reshape(-1, arm.n)
-    body = make_body(arm)
-    parts = [_measure(arm, body, q[i : i + BLOCK], obstacles) for i in range(0, max(len(q), 1), BLOCK)]
+    parts = [_find_pair(make_body(arm), look, obstacles) for look in _blocks(arm, q, obstacles)]
     return Clearance(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def least_distance(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Array:
+    """Measure the distances of `clearance` alone, at two thirds of its cost; (n,) [m]."""
+    return np.concatenate([np.minimum(look.best, look.own.distance) for look in _blocks(arm, q, obstacles)])
 
 
 def rough_clearance(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
@@ -117,37 +118,67 @@ def link_distances(
     return np.take_along_axis(distance, nearest, axis=1), nearest
 
 
-def _measure(
-    arm: Arm, body: Body, q: Array, obstacles: Obstacles
+@dataclass(frozen=True)
+class _Own:
+    """The nearest pair of links: distance, the pair's first link, points on both; each (n, ...)."""
+
+    distance: Array
+    link: NDArray[np.int64]
+    on_a: Array
+    on_b: Array
+
+
+@dataclass(frozen=True)
+class _Look:
+    """A block of joint vectors: nearest link and its sample, distance to the surroundings, own pair."""
+
+    best: Array
+    link: NDArray[np.int64]
+    centre: Array
+    own: _Own
+
+
+def _blocks(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Iterator[_Look]:
+    """Check joint vectors and look at them block by block."""
+    q = np.asarray(q, dtype=float)
+    if q.ndim not in (1, 2) or q.shape[-1] != arm.n or not np.isfinite(q).all():
+        raise InputError(f"joint vectors must be finite with shape (n, {arm.n}), not {q.shape}")
+    q = q.reshape(-1, arm.n)
+    body = make_body(arm)
+    for i in range(0, max(len(q), 1), BLOCK):
+        start, end = body.carry(arm, q[i : i + BLOCK])
+        placed, rows = body.sample(arm, start, end), np.arange(start.shape[1])
+        distance, nearest = link_distances(body, placed, obstacles)
+        link = distance.argmin(axis=1)
+        own = _self_distance(body, droop(arm, start), droop(arm, end))
+        yield _Look(distance[rows, link], link, placed[rows, nearest[rows, link]], own)
+
+
+def _find_pair(
+    body: Body, look: _Look, obstacles: Obstacles
 ) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], Array, Array]:
-    rows = np.arange(len(q))
-    start, end = body.carry(arm, q)
-    placed = body.sample(arm, start, end)
-    distance, nearest = link_distances(body, placed, obstacles)
-    link = distance.argmin(axis=1)
-    best = distance[rows, link]
-    centre = placed[rows, nearest[rows, link]]
-    direction, kind = obstacles.direction(centre), obstacles.kind_at(centre).astype(np.int64)
-    radius = body.radius[link]
-    a = centre - radius[:, None] * direction
-    b = centre - (best + radius)[:, None] * direction
-    own, pair, on_a, on_b = _self_distance(body, droop(arm, start), droop(arm, end))
-    mine = own < best
+    """Fill the fields of `Clearance`, in their order."""
+    direction = obstacles.direction(look.centre)
+    kind = obstacles.kind_at(look.centre).astype(np.int64)
+    radius = body.radius[look.link]
+    a = look.centre - radius[:, None] * direction
+    b = look.centre - (look.best + radius)[:, None] * direction
+    mine = look.own.distance < look.best
     return (
-        np.where(mine, own, best),
-        np.where(mine, pair, link),
+        np.where(mine, look.own.distance, look.best),
+        np.where(mine, look.own.link, look.link),
         np.where(mine, int(Obstacle.ARM), kind),
-        np.where(mine[:, None], on_a, a),
-        np.where(mine[:, None], on_b, b),
+        np.where(mine[:, None], look.own.on_a, a),
+        np.where(mine[:, None], look.own.on_b, b),
     )
 
 
-def _self_distance(body: Body, start: Array, end: Array) -> tuple[Array, NDArray[np.int64], Array, Array]:
-    """Distance of the nearest pair of links (n,), the pair's first link (n,), points on both (n, 3)."""
+def _self_distance(body: Body, start: Array, end: Array) -> _Own:
+    """Find the nearest pair of links, their segments' ends each (n, c, 3)."""
     n = len(start)
     if not len(body.pairs):
         nowhere = np.zeros((n, 3))
-        return np.full(n, np.inf), np.zeros(n, dtype=np.int64), nowhere, nowhere
+        return _Own(np.full(n, np.inf), np.zeros(n, dtype=np.int64), nowhere, nowhere)
     rows = np.arange(n)
     i, j = body.pairs.T
     on_a, on_b = between_segments(start[:, i], end[:, i], start[:, j], end[:, j])
@@ -158,4 +189,4 @@ def _self_distance(body: Body, start: Array, end: Array) -> tuple[Array, NDArray
     unit = gap[rows, best] / np.maximum(length[rows, best], 1e-12)[:, None]
     a = on_a[rows, best] + body.radius[i[best]][:, None] * unit
     b = on_b[rows, best] - body.radius[j[best]][:, None] * unit
-    return distance[rows, best], i[best], a, b
+    return _Own(distance[rows, best], i[best], a, b)

@@ -16,7 +16,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import Barrier
 from ascrcp.kinematics.candidate import Grid, solve_inside, spread_rolls
-from ascrcp.kinematics.clearance import clearance, rough_clearance
+from ascrcp.kinematics.clearance import least_distance, rough_clearance
 from ascrcp.kinematics.description import PathModel
 from ascrcp.kinematics.feedback import rotation_matrices, tilt_path
 from ascrcp.kinematics.graph import find_chain
@@ -130,7 +130,7 @@ class LeanSearch:
         for start in range(0, len(new), BLOCK):
             self._look_round(path, new[start : start + BLOCK])
         here = self._look(path, rows, tilt[:, None], None)
-        now = clearance(self.arm, near, self.barrier.obstacles).distance
+        now = least_distance(self.arm, near, self.barrier.obstacles)
         here = [
             _join(here[k], (near[k : k + 1], tilt[k : k + 1], now[k : k + 1])) if own[k] else here[k]
             for k in range(len(rows))
@@ -175,7 +175,7 @@ class LeanSearch:
             q, lean, free = view
             best = (-free).argsort(kind="stable")[:POLISHED]
             near, near_lean = self._around(path, i, q[best], lean[best], steps, turn)
-            kept = clearance(self.arm, near, self.barrier.obstacles).distance
+            kept = least_distance(self.arm, near, self.barrier.obstacles)
             clear = (-kept).argsort(kind="stable")[:POLISHED]
             view = _join(view, (near[clear], near_lean[clear], kept[clear]))
         return view
@@ -213,7 +213,7 @@ class LeanSearch:
         order = np.lexsort((-rough, point))
         place = np.arange(len(order)) - np.searchsorted(point[order], point[order])
         best = order[place < LOOKED_AT]
-        free = clearance(self.arm, q[best], self.barrier.obstacles).distance
+        free = least_distance(self.arm, q[best], self.barrier.obstacles)
         ends = np.searchsorted(point[best], np.arange(1, m))
         parts = (np.split(each, ends) for each in (q[best], leans.reshape(-1, 3)[pose[best]], free))
         return list(zip(*parts, strict=True))

@@ -15,7 +15,7 @@ from ascrcp.core.errors import InputError
 from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.reason import explain_failure
 from ascrcp.kinematics.solver import PathSolver, Progress
@@ -114,6 +114,6 @@ def _finish(solver: PathSolver, q: Array, best: Array) -> PathSolution:
     theta1, free = np.full(n, np.nan), np.full(n, np.nan)
     theta1[solved] = find_roll(solver.aim.T[solved], arm.forward(q[solved]))
     if obstacles is not None and solved.any():
-        free[solved] = clearance(arm, q[solved], obstacles).distance
+        free[solved] = least_distance(arm, q[solved], obstacles)
     tilt = np.linalg.norm(solver.aim.tilt, axis=1)
     return PathSolution(q, theta1, reasons, solver.find_breaks(q), solver.aim.path, tilt, free)

@@ -17,7 +17,7 @@ from scipy.sparse.csgraph import dijkstra
 from ascrcp.core.errors import InputError, UnreachableError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import HALF_DIAGONAL, clearance, least_distance, rough_clearance
 from ascrcp.kinematics.description import ClearanceModel
 from ascrcp.kinematics.leg import keep_ranges
 from ascrcp.kinematics.obstacle import Obstacles
@@ -58,6 +58,9 @@ DAMPING = 1e-6
 STOP_S = 2.0
 """What a stop on the way costs [s]: slowing down, starting again and settling; placeholder."""
 
+SCREEN = (0.5, 0.25, 0.75)
+"""Shares of a leg at which it is looked at roughly, all legs at once, before any is looked at."""
+
 MOST_LOOKS = 250
 """A search that has looked at so many legs gives up: with vehicles and people in 20 random headings, those
 that found a way needed 173 at most."""
@@ -80,10 +83,10 @@ SLACK = 1e-6
 
 @dataclass(frozen=True)
 class Look:
-    """A straight leg as looked at: least clearance [m], what is met there, price [s]."""
+    """A straight leg as looked at: least clearance [m], the posture that has it, price [s]."""
 
     least: float
-    what: str
+    at: Array
     price: float
 
 
@@ -129,7 +132,7 @@ def find_route(
     if min(look.least for look in straight) >= enough:
         return tuple(first)
     nodes = np.stack([start, end, *first, *_middles(arm, start, end, obstacles)])
-    free = clearance(arm, nodes, obstacles).distance
+    free = least_distance(arm, nodes, obstacles)
     for floor in (enough, least):
         route = scout.search(nodes[free >= floor], floor)
         if route:
@@ -139,7 +142,8 @@ def find_route(
         if route:
             return tuple(route[1:-1])
     worst = min(straight, key=lambda look: look.least)
-    raise UnreachableError(f"no clear way found; straight, {worst.what}, at least {model.least:g} m is kept")
+    met = clearance(arm, worst.at, obstacles).describe(arm, 0)
+    raise UnreachableError(f"no clear way found; straight, {met}, at least {model.least:g} m is kept")
 
 
 class _Scout:
@@ -153,13 +157,14 @@ class _Scout:
         count = max(FEW, int(np.ceil(self._travel(a, b) / ROW_M)) + 1)
         rows = (FEW, count) if count > FEW else (count,)
         for n in rows:
-            seen = clearance(self.arm, a + np.linspace(0.0, 1.0, n)[:, None] * (b - a), self.obstacles)
-            i = int(seen.distance.argmin())
-            if not seen.distance[i] >= floor:
-                return Look(float(seen.distance[i]), seen.describe(self.arm, i), np.inf)
-        short = (self.model.wanted - seen.distance) / (self.model.wanted - self.model.least)
+            q = a + np.linspace(0.0, 1.0, n)[:, None] * (b - a)
+            free = least_distance(self.arm, q, self.obstacles)
+            i = int(free.argmin())
+            if not free[i] >= floor:
+                return Look(float(free[i]), q[i], np.inf)
+        short = (self.model.wanted - free) / (self.model.wanted - self.model.least)
         price = float(self.time(a, b)) * (1.0 + NEAR_PRICE * float(np.maximum(short, 0.0).mean())) + STOP_S
-        return Look(float(seen.distance[i]), seen.describe(self.arm, i), price)
+        return Look(float(free[i]), q[i], price)
 
     def time(self, a: Array, b: Array) -> Array:
         """Time of legs at the joints' largest speeds [s]; (..., joints) twice -> (...)."""
@@ -181,6 +186,7 @@ class _Scout:
             np.abs(np.subtract.outer(along, along)) > TRAIL_REACH
         )
         price[apart & np.equal.outer(trail, trail)] = np.inf
+        self._screen(nodes, hubs, floor, price)
         looked = np.eye(len(nodes), dtype=bool)
         while looked.sum() < len(nodes) + 2 * most:
             route = _shortest(price)
@@ -193,6 +199,16 @@ class _Scout:
                 if not np.isfinite(price[a, b]):
                     break
         return None
+
+    def _screen(self, nodes: Array, hubs: int, floor: float, price: Array) -> None:
+        """Bar legs between the first `hubs` nodes that a rough look at a few postures tells are too near."""
+        a, b = np.triu_indices(hubs, 1)
+        slack = HALF_DIAGONAL * self.obstacles.cell
+        for share in SCREEN:
+            q = nodes[a] + share * (nodes[b] - nodes[a])
+            bad = rough_clearance(self.arm, q, self.obstacles) + slack < floor
+            price[a[bad], b[bad]] = price[b[bad], a[bad]] = np.inf
+            a, b = a[~bad], b[~bad]
 
 
 def thin_trail(arm: Arm, trail: Array) -> Array:
@@ -251,7 +267,7 @@ def _climb(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
     shifts = np.concatenate([np.diag(h), -np.diag(h)])
     for step in range(1, CLIMB_STEPS + 1):
         tried = keep_ranges(arm, q[:, None] + shifts)
-        free = clearance(arm, tried.reshape(-1, arm.n), obstacles).distance.reshape(n, 2, arm.n)
+        free = least_distance(arm, tried.reshape(-1, arm.n), obstacles).reshape(n, 2, arm.n)
         slope = free[:, 0] - free[:, 1]  # each joint measured by its speed: the least time
         size = np.abs(slope).max(axis=1, keepdims=True)
         q = keep_ranges(arm, q + CLIMB_S * arm.max_speed * slope / np.maximum(size, 1e-9))

@@ -11,7 +11,7 @@ from ascrcp.kinematics.aim import Aim
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import make_barrier, no_emphasis
 from ascrcp.kinematics.candidate import make_grid
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.description import PathModel
 from ascrcp.kinematics.feedback import find_lever, raise_weights, split_collisions
 from ascrcp.kinematics.first import TASK_TOLERANCE, FirstChain, is_reroll
@@ -332,7 +332,7 @@ class PathSolver:
         live = np.isfinite(q[:, 0])
         free = np.full(len(q), -np.inf)
         if self.obstacles is not None and live.any():
-            free[live] = clearance(self.arm, q[live], self.obstacles).distance
+            free[live] = least_distance(self.arm, q[live], self.obstacles)
         return free
 
     def keep_least(self, q: Array) -> Array:
@@ -342,7 +342,7 @@ class PathSolver:
         if model is None or self.obstacles is None or not live.size:
             return q
         kept = q.copy()
-        near = ~(clearance(self.arm, q[live], self.obstacles).distance >= model.least)
+        near = ~(least_distance(self.arm, q[live], self.obstacles) >= model.least)
         kept[live[near]] = np.nan
         return kept
 

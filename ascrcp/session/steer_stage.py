@@ -8,7 +8,7 @@ from ascrcp.control.steer_config import SteerConfig
 from ascrcp.control.steer_plan import SteerPlan, build_steer_plan
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import load_arm
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.table import read_joints, read_path
@@ -44,7 +44,7 @@ def prepare_plan(
         least = model.least - ROUNDING_M
 
         def clear(q: Array) -> Any:
-            return clearance(arm, q, around).distance >= least
+            return least_distance(arm, q, around) >= least
 
     plan = build_steer_plan(arm, path, sequence, config, payload_kg, clear)
     progress(1.0)

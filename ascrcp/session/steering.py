@@ -12,7 +12,7 @@ from ascrcp.control.steer_jog import CartesianJog, Distance, JointJog
 from ascrcp.control.steer_plan import SteerPlan
 from ascrcp.control.steer_surface import SteerSurface
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.obstacle import Obstacles
 
 PLAN_ARRAYS = ("angle", "q", "position", "direction", "node", "cross", "point", "area")
@@ -91,4 +91,4 @@ class KernelMaker:
         around, arm = self._around, self._arm
         if around is None or arm.description.clearance is None:
             return None
-        return lambda q: float(clearance(arm, q, around).distance[0])
+        return lambda q: float(least_distance(arm, q, around)[0])
