@@ -15,6 +15,7 @@ from ascrcp.kinematics.description import list_machines
 from ascrcp.kinematics.export import write_robot
 
 MAX_BYTES = 50_000_000  # faults.md, security
+LARGEST = 1e6  # rad or m: no machine's joint or pose is far from that
 
 
 def _read(options: Options, keys: tuple[str, ...]) -> dict[str, Any]:
@@ -29,10 +30,19 @@ def _read(options: Options, keys: tuple[str, ...]) -> dict[str, Any]:
 
 
 def _array(value: Any, name: str) -> np.ndarray:
+    if not _all_numbers(value):
+        raise InputError(f"{name} must be numbers between -{LARGEST:g} and {LARGEST:g}")
     try:
         return np.array(value, dtype=float)
-    except (TypeError, ValueError):
+    except ValueError:
         raise InputError(f"{name} must be numbers in a regular array") from None
+
+
+def _all_numbers(value: Any) -> bool:
+    """Tell whether nested lists hold nothing but numbers of a size that can be meant: true is not 1."""
+    if isinstance(value, list):
+        return all(map(_all_numbers, value))
+    return type(value) in (int, float) and abs(value) <= LARGEST
 
 
 def forward(options: Options, output: Output) -> int:
@@ -56,7 +66,7 @@ def inverse(options: Options, output: Output) -> int:
     tree = _read(options, ("T", "held"))
     held_tree = tree.get("held") or {}
     try:
-        held = {int(joint): float(value) for joint, value in held_tree.items()}
+        held = {int(joint): float(_array(value, f"held joint {joint}")) for joint, value in held_tree.items()}
     except (AttributeError, TypeError, ValueError):
         raise InputError('held must map joint numbers to values, e.g. {"5": 0.0, "6": 1.0}') from None
     found = arm.inverse(_array(tree["T"], "T"), held=held)

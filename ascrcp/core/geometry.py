@@ -68,7 +68,9 @@ def check_transform(T: Array, tolerance: float = 1e-6) -> Array:
         raise InputError("a pose must be finite, but it holds NaN or infinity")
     R = T[..., :3, :3]
     defect = np.abs(R @ np.swapaxes(R, -1, -2) - np.eye(3)).max(initial=0.0)
-    if not defect <= tolerance or not (np.linalg.det(R) > 0).all():
+    if defect <= tolerance and not (np.linalg.det(R) > 0).all():
+        raise InputError("a pose's upper left 3x3 must be a rotation, but it mirrors: determinant -1, not +1")
+    if not defect <= tolerance:
         raise InputError(
             f"a pose's upper left 3x3 must be a rotation (orthonormal to {tolerance:g}, "
             f"determinant +1); the worst entry is off by {defect:.2g}"

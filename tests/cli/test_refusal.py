@@ -91,6 +91,10 @@ def test_refusal_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         (["ik", '{"T": [[1, 0], [0, 1]]}'], "4"),
         (["ik", '{"T": [[2,0,0,1],[0,1,0,1],[0,0,1,1],[0,0,0,1]]}'], "rotation"),
         (["fk", '{"pose": 1}'], "allowed keys"),
+        (["fk", '{"q": [true, 0, 0, 0, 0, 0, 0, 0]}'], "numbers"),
+        (["fk", '{"q": [1e300, 0, 0, 0, 0, 0, 0, 0]}'], "between"),
+        (["ik", '{"T": [[1,0,0,8],[0,1,0,0],[0,0,-1,0],[0,0,0,1]], "held": {"5": 0, "6": 1}}'], "mirrors"),
+        (["ik", '{"T": [[1,0,0,8],[0,1,0,0],[0,0,1,0],[0,0,0,1]], "held": {"5": true, "6": 1}}'], "joint 5"),
     ],
 )
 def test_one_line_says_what_is_allowed(
