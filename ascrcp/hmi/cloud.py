@@ -73,9 +73,11 @@ class SplatCloud:
     def begin(self, camera: Camera, width: int, height: int, void: tuple[int, int, int]) -> None:
         """Begin a picture anew."""
         self._camera, self._next = camera, 0
-        self._pixels = np.empty((height, width, 4), np.uint8)
-        self._pixels[:] = (*void[::-1], 255)
-        self._depth = np.full(width * height, np.inf, np.float32)
+        if self._pixels.shape[:2] != (height, width):
+            self._pixels = np.empty((height, width, 4), np.uint8)
+            self._depth = np.empty(width * height, np.float32)
+        self._pixels.view(np.uint32).fill(np.array([*void[::-1], 255], np.uint8).view(np.uint32)[0])
+        self._depth.fill(np.inf)
         self._range = depth_range(self._points, camera, width, height)
 
     def add(self) -> bool:

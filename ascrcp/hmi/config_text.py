@@ -35,7 +35,7 @@ def find_numbers(text: str) -> list[Number]:
         ConfigError: It is no YAML.
     """
     try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        root = yaml.compose(text, Loader=yaml.CSafeLoader)  # a tenth of the other's time
     except yaml.YAMLError as error:
         raise ConfigError(f"not YAML: {error}") from None
     found: list[Number] = []
@@ -47,7 +47,7 @@ def find_numbers(text: str) -> list[Number]:
         elif isinstance(node, yaml.SequenceNode):
             for index, value in enumerate(node.value):
                 walk(value, (*key, index))
-        elif isinstance(node, yaml.ScalarNode) and is_number(node.value) and node.style is None:
+        elif isinstance(node, yaml.ScalarNode) and is_number(node.value) and not node.style:
             found.append(Number(key, node.value, node.start_mark.index, node.end_mark.index))
 
     walk(root, ())

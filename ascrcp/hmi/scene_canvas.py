@@ -1,8 +1,8 @@
 """The 3-D picture: a cloud drawn chunk by chunk, path and sprayed part over it, the arm on top."""
 
 import numpy as np
-from PySide6.QtCore import QLineF, QPointF, Qt
-from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPaintEvent, QPen, QResizeEvent
+from PySide6.QtCore import QByteArray, QDataStream, QPointF, Qt
+from PySide6.QtGui import QColor, QImage, QMouseEvent, QPainter, QPainterPath, QPaintEvent, QPen, QResizeEvent
 from PySide6.QtWidgets import QWidget
 
 from ascrcp.core.errors import DeviceError
@@ -42,9 +42,25 @@ def make_painter(screen: Screen, allow_gl: bool = True) -> CloudPainter:
         return SplatCloud(screen.view.chunk_drawn)
 
 
-def lines_of(pairs: Array) -> list[QLineF]:
-    """Return Qt's lines from pixels, shape (k, 2, 2)."""
-    return [QLineF(*row) for row in pairs.reshape(-1, 4).tolist()]
+ELEMENT = np.dtype([("kind", ">i4"), ("x", ">f8"), ("y", ">f8")])
+"""A point of a QPainterPath as QDataStream writes it: 0 moves there, 1 draws a line to it."""
+
+
+def lines_of(pairs: Array) -> QPainterPath:
+    """Return lines between pixels, shape (k, 2, 2), as one path.
+
+    Read from a stream: 2,000 lines are no objects of Python's, and take 0.2 ms instead of 1.
+    """
+    count = 2 * len(pairs)
+    data = bytearray(4 + count * ELEMENT.itemsize + 8)  # how many; points; where it began, rule of filling
+    data[:4] = count.to_bytes(4, "big")
+    points = np.frombuffer(data, ELEMENT, count, offset=4)
+    points["kind"][1::2] = 1
+    points["x"], points["y"] = pairs.reshape(-1, 2).T
+    path = QPainterPath()
+    if count:
+        QDataStream(QByteArray(bytes(data))) >> path
+    return path
 
 
 class SceneCanvas(QWidget):
@@ -175,9 +191,9 @@ class SceneCanvas(QWidget):
         painter = QPainter(layer)
         lines = project_lines(self._scene.path[self._segments], self.camera, layer.width(), layer.height())
         painter.setPen(QPen(self._pens["path"], 1))
-        painter.drawLines(lines_of(lines))
+        painter.drawPath(lines_of(lines))
         painter.setPen(QPen(self._pens["path"], 2))
-        painter.drawLines(lines_of(arrow_wings(lines)))
+        painter.drawPath(lines_of(arrow_wings(lines)))
         self._dots(painter, unsolved_points(self._scene), "path_unsolved", 3.0)
         painter.end()
         self._layer, self._drawn = layer, -1
@@ -211,7 +227,8 @@ class SceneCanvas(QWidget):
     def _lines(self, painter: QPainter, lines: Array, pen: QPen) -> None:
         pen.setCapStyle(Qt.PenCapStyle.RoundCap)
         painter.setPen(pen)
-        painter.drawLines(lines_of(project_lines(lines, self.camera, self.width(), self.height())))
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.drawPath(lines_of(project_lines(lines, self.camera, self.width(), self.height())))
 
     def _dots(self, painter: QPainter, points: Array, colour: str, radius: float) -> None:
         if not len(points):

@@ -34,6 +34,7 @@ class SectionView(QWidget):
         self._prepared: Prepared | None = None
         self._station = math.nan
         self._still: QImage | None = None
+        self._lines: list[Array] = []  # design, arch and overbreak line of the profile
         self.set_theme(screen)
 
     def set_language(self, language: Language) -> None:
@@ -49,6 +50,11 @@ class SectionView(QWidget):
     def draw(self, prepared: Prepared) -> None:
         """Take another wall."""
         self._prepared = prepared
+        surface = prepared.scene.surface
+        if surface is not None:
+            along = np.linspace(0.0, surface.profile.length, LINE_POINTS)
+            lines = (0.0, surface.profile.arch_line, surface.profile.overbreak_line)
+            self._lines = [surface.profile.point(along, offset) for offset in lines]
         self._forget()
 
     def choose_station(self, station: float) -> None:
@@ -86,7 +92,7 @@ class SectionView(QWidget):
         surface = prepared.scene.surface if prepared is not None else None
         if prepared is None or surface is None or not math.isfinite(self._station):
             return still
-        outline = surface.profile.point(np.linspace(0.0, surface.profile.length, LINE_POINTS))
+        outline = self._lines[0]
         low, high = outline.min(axis=0) - EDGE_M, outline.max(axis=0) + EDGE_M
         width, height = still.width(), still.height() - FOOT_PX
         scale = min(width / (high[0] - low[0]), height / (high[1] - low[1]))
@@ -102,17 +108,15 @@ class SectionView(QWidget):
         font = QFont(self.font())
         font.setPixelSize(TEXT_PX)
         painter.setFont(font)
-        along = np.linspace(0.0, surface.profile.length, LINE_POINTS)
-        lines = (
-            ("line_design", 0.0, self._screen.look.scene.design, Qt.PenStyle.SolidLine),
-            ("line_arch", surface.profile.arch_line, self._screen.look.scene.arch, Qt.PenStyle.DashLine),
-            ("line_overbreak", surface.profile.overbreak_line, self._screen.look.scene.overbreak,
-             Qt.PenStyle.DashDotLine),
-        )  # fmt: skip
-        for row, (key, offset, colour, style) in enumerate(lines):
+        looks = (
+            ("line_design", self._screen.look.scene.design, Qt.PenStyle.SolidLine),
+            ("line_arch", self._screen.look.scene.arch, Qt.PenStyle.DashLine),
+            ("line_overbreak", self._screen.look.scene.overbreak, Qt.PenStyle.DashDotLine),
+        )
+        for row, ((key, colour, style), line) in enumerate(zip(looks, self._lines, strict=True)):
             pen = QPen(QColor(colour), 2, style)
             painter.setPen(pen)
-            pixels = place(surface.profile.point(along, offset))
+            pixels = place(line)
             painter.drawPolyline(QPolygonF([QPointF(x, y) for x, y in pixels.tolist()]))
             self._write_legend(painter, row, key, pen, height)
         self._write_figures(painter, height)

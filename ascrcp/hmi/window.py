@@ -4,13 +4,14 @@ from collections.abc import Callable
 from functools import partial
 
 from PySide6.QtCore import Qt, QTimer, Signal
-from PySide6.QtGui import QCloseEvent, QKeyEvent, QKeySequence, QShortcut
+from PySide6.QtGui import QCloseEvent, QColor, QKeyEvent, QKeySequence, QPainter, QPaintEvent, QShortcut
 from PySide6.QtWidgets import QApplication, QHBoxLayout, QPushButton, QStackedWidget, QVBoxLayout, QWidget
 
 from ascrcp.core.errors import RefusedError
 from ascrcp.hmi.alarm_bar import AlarmBar
 from ascrcp.hmi.alarms_page import AlarmsPage
 from ascrcp.hmi.automatic_page import AutomaticPage
+from ascrcp.hmi.chore import Chores
 from ascrcp.hmi.command_rail import CommandRail
 from ascrcp.hmi.contract import Session
 from ascrcp.hmi.joints_page import JointsPage
@@ -22,9 +23,9 @@ from ascrcp.hmi.status_line import StatusLine
 from ascrcp.hmi.status_panel import StatusPanel
 from ascrcp.hmi.step_strip import StepStrip
 from ascrcp.hmi.text import Language, say
-from ascrcp.hmi.theme import Screen, apply_theme, with_theme
+from ascrcp.hmi.theme import Screen, style_sections, style_sheet, with_theme
 from ascrcp.hmi.wall_page import WallPage
-from ascrcp.session.snapshot import Scene, Snapshot
+from ascrcp.session.snapshot import Snapshot
 from ascrcp.session.state import STEPS, Mode, Step
 
 STOP_KEYS = (Qt.Key.Key_Space, Qt.Key.Key_F12)
@@ -70,24 +71,24 @@ class Window(QWidget):
             self.stack.addWidget(page)
         self.preparation = Preparation(screen.view.points)
         self._version = 0
-        self._later: list[Callable[[], None]] = []
+        self._chores = Chores(self)
         self._lay_out()
         self._connect()
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # or the first button would look chosen
         self.setFocus()
         self.setMinimumSize(screen.size.width, screen.size.height)
-        for page in self.pages:
-            page.set_language(language)
         self.set_language(language)
+        self._chores.finish()
         self.show_page(self.automatic.key)
-        self._timer = QTimer(self)
-        self._timer.setTimerType(Qt.TimerType.PreciseTimer)
-        self._timer.timeout.connect(self.refresh)
-        self._timer.start(screen.refresh_ms)
-        self._pulse = QTimer(self)
-        self._pulse.setTimerType(Qt.TimerType.PreciseTimer)
-        self._pulse.timeout.connect(self._keep_stick)
-        self._pulse.start(screen.stick_ms)
+        self._timer = self._call_every(screen.refresh_ms, self.refresh)
+        self._pulse = self._call_every(screen.stick_ms, self._keep_stick)
+
+    def _call_every(self, period_ms: int, slot: Callable[[], None]) -> QTimer:
+        timer = QTimer(self)
+        timer.setTimerType(Qt.TimerType.PreciseTimer)
+        timer.timeout.connect(slot)
+        timer.start(period_ms)
+        return timer
 
     @property
     def page(self) -> Page:
@@ -105,22 +106,15 @@ class Window(QWidget):
             self._version = scene.version
             for page in self.pages:
                 page.show_scene(scene)
-        self._do_one(scene)
+        ready = self.preparation.poll(scene)
+        if ready is not None:
+            self._take(ready)
         self.refreshed.emit(snapshot)
 
     def _keep_stick(self) -> None:
         """Send the stick more often than pictures are drawn: a hung screen is told in 100 ms (F29)."""
         if self._is_open:
             self.page.keep_stick()
-
-    def _do_one(self, scene: Scene) -> None:
-        """Do one piece of what would keep the interpreter too long at once."""
-        if self._later:
-            self._later.pop(0)()
-            return
-        ready = self.preparation.poll(scene)
-        if ready is not None:
-            self._take(ready)
 
     def draw_now(self) -> None:
         """Draw the newest snapshot without telling anybody: for pictures."""
@@ -136,8 +130,7 @@ class Window(QWidget):
         ready = self.preparation.wait(scene)
         if ready is not None:
             self._take(ready)
-        while self._later:
-            self._later.pop(0)()
+        self._chores.finish()
         self.automatic.scene.canvas.complete()
 
     def show_page(self, key: str) -> None:
@@ -151,28 +144,30 @@ class Window(QWidget):
         self.strip.show_front(key)
 
     def set_language(self, language: Language) -> None:
-        """Write what is seen in a language at once, the other pages in the next refreshes."""
+        """Write in another language, piece by piece: what is in front first."""
         self.language = language
         self.setWindowTitle(say("window", language))
-        for panel in (*self.panels, self.page):
-            panel.set_language(language)
-        self._later += [
-            partial(self._translate, page) for page in self.pages if page.language is not language
-        ]
-        self._draw(self._session.snapshot())
+        self._chores.add(partial(panel.set_language, language) for panel in (*self.panels, self.page))
+        self._chores.add((self.draw_now,))
+        self._chores.add(partial(self._translate, page) for page in self.pages)
 
     def _translate(self, page: Page) -> None:
         if page.language is not self.language:
             page.set_language(self.language)
 
     def set_theme(self, screen: Screen) -> None:
-        """Take another look."""
+        """Take another look, section by section: what is in front first."""
         self.screen_config = screen
-        application = QApplication.instance()
-        if isinstance(application, QApplication):
-            apply_theme(application, screen)
-        for panel in (*self.panels, *self.pages):
-            panel.set_theme(screen)
+        sheet = style_sheet(screen)
+        others = (page for page in self.pages if page is not self.page)
+        for panel in (*self.panels, self.page, *others):
+            self._chores.add(partial(section.setStyleSheet, sheet) for section in self._sections[panel])
+            self._chores.add((partial(panel.set_theme, screen),))
+        self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
+        """Paint what is behind the panels."""
+        QPainter(self).fillRect(event.rect(), QColor(self.screen_config.look.colours.background))
 
     def keyPressEvent(self, event: QKeyEvent) -> None:  # noqa: N802
         """Let Enter press the button that has the keyboard's focus."""
@@ -194,6 +189,7 @@ class Window(QWidget):
         self._is_open = False
         self._timer.stop()
         self._pulse.stop()
+        self._chores.drop()
         self._stop_motion()
         self._session.close()
         self.preparation.close()
@@ -212,7 +208,7 @@ class Window(QWidget):
         self.page.show_snapshot(snapshot)
 
     def _take(self, prepared: Prepared) -> None:
-        self._later += [partial(self.automatic.draw, prepared), partial(self.wall.draw, prepared)]
+        self._chores.add((partial(self.automatic.draw, prepared), partial(self.wall.draw, prepared)))
 
     def _lay_out(self) -> None:
         left = QVBoxLayout()
@@ -228,6 +224,11 @@ class Window(QWidget):
         row.setSpacing(10)
         row.addLayout(left, 1)
         row.addWidget(self.rail)
+        sheet = style_sheet(self.screen_config)
+        self._sections = {panel: style_sections(panel) for panel in (*self.panels, *self.pages)}
+        for sections in self._sections.values():
+            for section in sections:
+                section.setStyleSheet(sheet)  # costs nothing before they are shown
 
     def _connect(self) -> None:
         session, rail = self._session, self.rail

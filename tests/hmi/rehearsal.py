@@ -67,8 +67,8 @@ def make_sequence(path: np.ndarray, direction: np.ndarray, q: np.ndarray) -> Joi
     return JointSequence(0.5 * every, q + sway, path, direction, every, every % 60 != 59)
 
 
-def make_scene(version: int = 1, points: int = 40_000, seed: int = 0) -> Scene:
-    """Return a round tunnel with an arch, overbreak, a path of six passes and what hangs on them."""
+def make_scene(version: int = 1, points: int = 40_000, seed: int = 0, passes: int = 6) -> Scene:
+    """Return a round tunnel with an arch, overbreak, a path of some passes and what hangs on them."""
     rng = np.random.default_rng(seed)
     x, phi = rng.uniform(4.0, 14.0, points), rng.uniform(-0.3, np.pi + 0.3, points)
     labels = np.full(points, Label.SPRAYED, np.uint8)
@@ -78,8 +78,8 @@ def make_scene(version: int = 1, points: int = 40_000, seed: int = 0) -> Scene:
     radius = np.where(labels == Label.ARCH, 5.2, 5.5) + rng.normal(0, 0.03, points)
     wall = np.stack([x, -radius * np.cos(phi), radius * np.sin(phi)], -1).astype(np.float32)
     angle = np.linspace(0.0, np.pi, 60)
-    station = np.repeat(np.linspace(9.2, 12.0, 6), len(angle))
-    swing = np.concatenate([angle if i % 2 == 0 else angle[::-1] for i in range(6)])
+    station = np.repeat(np.linspace(9.2, 12.0, passes), len(angle))
+    swing = np.concatenate([angle if i % 2 == 0 else angle[::-1] for i in range(passes)])
     path = np.stack([station, -4.3 * np.cos(swing), 4.3 * np.sin(swing)], -1)
     solved = np.ones(len(path), bool)
     solved[100:104] = False
@@ -89,7 +89,7 @@ def make_scene(version: int = 1, points: int = 40_000, seed: int = 0) -> Scene:
     surface = make_surface(wall, labels)
     laid = np.maximum(surface.offset + 0.03, 0.0)
     return Scene(
-        version, wall, labels, path, np.repeat(np.arange(6), len(angle)), solved,
+        version, wall, labels, path, np.repeat(np.arange(passes), len(angle)), solved,
         surface=surface, path_direction=direction, clearance=clearance,
         sequence=make_sequence(path, direction, SCAN_POSE),
         predicted=WallLayer(surface.station, surface.along, laid),

@@ -240,10 +240,8 @@ def test_bus_load_of_a_full_bus_is_one() -> None:
 
 
 def test_no_slot_keeps_the_interpreter_for_long(screen: Screen, qapp: QApplication) -> None:
-    """Half a million points; the aim is 3 ms, the bound leaves room for a busy computer."""
+    """Half a million points, a whole round's path; 3 ms by processor time, four times when busy."""
     times = measure(screen)
     for name, values in times.items():
-        if name != "Window.set_theme":  # at rest only
-            assert statistics.median(values) < 6.0, name
-    assert statistics.median(times["Window.refresh"]) < 3.0
-    assert max(times["Window.refresh"]) < 15.0
+        assert statistics.median(values) < 3.0, name
+        assert max(values) < 12.0, name

@@ -112,6 +112,7 @@ def test_stop_is_in_the_same_place_and_large_in_every_state(open_window: Opener,
     places = set()
     for language in Language:
         window.set_language(language)
+        window.settle()
         for change in ({}, {"causes": ("estop", "joint_stale"), "estop": True}, {"simulated": False}):
             session.more = change
             refresh(window)
@@ -175,6 +176,7 @@ def test_language_switch_changes_every_text(open_window: Opener, qtbot: QtBot, s
     window = open_window(session)
     before = shown_texts(window)
     qtbot.mouseClick(window.rail.language_button, Qt.MouseButton.LeftButton)
+    window.settle()
     after = shown_texts(window)
     assert window.language is Language.ZH
     assert before.keys() == after.keys()
@@ -182,6 +184,7 @@ def test_language_switch_changes_every_text(open_window: Opener, qtbot: QtBot, s
     assert same == {}
     assert len(before) > 50
     qtbot.mouseClick(window.rail.language_button, Qt.MouseButton.LeftButton)
+    window.settle()
     assert shown_texts(window).keys() == before.keys()
     assert window.rail.quit_button.text() == "Quit"
 
@@ -265,6 +268,7 @@ def test_a_refused_press_says_why(open_window: Opener) -> None:
     window.steps.buttons[Step.ZERO].click()
     assert Refusal.STOPPED.value[0] in window.alarm.messages.text()
     window.set_language(Language.ZH)
+    window.settle()
     assert Refusal.STOPPED.value[1] in window.alarm.messages.text()
     session._announce("Newer", "新消息")
     refresh(window)

@@ -86,7 +86,7 @@ def test_finished_log_has_its_index_though_memory_held_none_of_it(tmp_path: Path
         summary = reader.get_summary()
         assert summary is not None and summary.statistics is not None
         assert len(summary.chunk_indexes) == summary.statistics.chunk_count > 1500
-        late = list(reader.iter_messages(start_time=1595 * FLUSH_NS))
+        late = list(reader.iter_messages(starting_at=1595 * FLUSH_NS))
     assert [message.log_time // FLUSH_NS for _, _, message in late] == [*range(1595, 1600)]
 
 
