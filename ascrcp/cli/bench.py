@@ -84,6 +84,10 @@ def bench(options: Options, output: Output) -> int:
             measure_control(options.machine, options.seed, output.say) if options.which != "rigs" else []
         )
         proofs += measure_many(options.seed, output.say) if options.which != "control" else []
+    if options.which == "realtime":  # not part of "all": it takes its minutes, and wants a quiet computer
+        from ascrcp.cli.bench_realtime import measure_realtime
+
+        proofs += measure_realtime(options.minutes, options.seed, options.rig, options.planner, output.say)
     failed = [figure.what for figure in proofs if figure.is_met is False]
     tree = {
         "ok": not failed,

@@ -7,7 +7,17 @@ from ascrcp import __version__
 
 Options = argparse.Namespace
 
-BENCHES = ("kinematics", "headings", "perception", "planning", "proof", "sister", "control", "rigs")
+BENCHES = (
+    "kinematics",
+    "headings",
+    "perception",
+    "planning",
+    "proof",
+    "sister",
+    "control",
+    "rigs",
+    "realtime",
+)
 
 
 def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
@@ -73,6 +83,13 @@ def _payload(text: str) -> float:
     return value
 
 
+def _minutes(text: str) -> float:
+    value = float(text)
+    if not 0.5 <= value <= 600.0:
+        raise argparse.ArgumentTypeError(f"{text} min is not in 0.5..600")
+    return value
+
+
 def _metres(text: str) -> float:
     value = float(text)
     if not 0.0 <= value <= 1000.0:
@@ -130,6 +147,9 @@ def build_parser() -> argparse.ArgumentParser:
             )
         if name == "bench":
             stage.add_argument("which", nargs="?", default="all", choices=("all", *BENCHES))
+            stage.add_argument(
+                "--minutes", type=_minutes, default=10.0, metavar="M", help="of bench realtime (10)"
+            )
         if name == "tune":
             stage.add_argument(
                 "--out", type=Path, required=True, metavar="YAML", help="the new control parameters"

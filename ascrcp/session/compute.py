@@ -5,10 +5,8 @@ they made the control loop miss its deadlines (faults, trap 1). A spawned proces
 work, arrays travel through shared memory, and only the small rest is pickled.
 """
 
-import contextlib
 import itertools
 import multiprocessing as mp
-import os
 import pickle
 import threading
 import traceback
@@ -20,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ascrcp.core.errors import AscrcpError, CancelledError, DefectError, DeviceError
+from ascrcp.core.priority import be_ordinary
 from ascrcp.session.remote import Remote, load_stages
 
 Progress = Callable[[float], None]
@@ -184,8 +183,7 @@ def _defect(name: str, error: Exception) -> DefectError:
 
 def _serve(pipe: Connection, cancel: Any, niceness: int, is_ahead: bool) -> None:
     """Loop of the compute process."""
-    with contextlib.suppress(PermissionError):
-        os.setpriority(os.PRIO_PROCESS, 0, niceness)
+    be_ordinary(niceness)
     if is_ahead:
         load_stages()
 

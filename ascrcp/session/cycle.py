@@ -21,6 +21,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.core.machine_io import Command, MachineInputs
 from ascrcp.devices.joystick import LOST, Joystick, SetStick, StickState
 from ascrcp.safety.gate import Gate, GateState, Verdict
+from ascrcp.session.lateness import LatenessMeter
 from ascrcp.session.steering import KernelMaker, SteerOrder
 
 
@@ -104,7 +105,11 @@ class Stick:
 
 
 class Cycle:
-    """The parts of one cycle, put together."""
+    """The parts of one cycle, put together.
+
+    Attributes:
+        meter: How late cycles began and how long they took; the real-time driver writes it.
+    """
 
     def __init__(
         self,
@@ -115,6 +120,7 @@ class Cycle:
         truth: Callable[[], Array] | None = None,
         stick: Stick | None = None,
     ) -> None:
+        self.meter = LatenessMeter()
         self._stick = stick
         self._hand = LOST
         self._told: StickState | None = None

@@ -5,25 +5,19 @@ Lockstep: rig and control advance together as fast as the processor allows, and 
 while nothing moves; the sequence of cycles, and so every command, depends on the seed alone.
 """
 
-import contextlib
-import gc
-import os
+import sys
 import threading
 from collections.abc import Callable
 from typing import Protocol
 
-import numpy as np
-
 from ascrcp.core.clock import CYCLE_NS, NS, Clock, RealClock, VirtualClock
+from ascrcp.core.priority import favour_application, favour_control, release_application
+from ascrcp.session.collector import Collector
 from ascrcp.session.cycle import Cycle, CycleOutput
-from ascrcp.session.snapshot import Lateness
 from ascrcp.simulation.rig import FaultKind
 
-PRIORITY = 50  # SCHED_FIFO, above ordinary work and below the kernel's interrupt threads (placeholder)
-NICENESS = -10  # of every other thread of the application (placeholder)
+SWITCH_S = 0.001  # after which the lock passes to a thread that waits for it; 5 ms if nobody says so
 GRACE_CYCLES = 10  # lockstep: cycles that run after an order, so that a reset or stop is answered
-PER_SECOND = NS // CYCLE_NS  # cycles
-WINDOW = 1 << 16  # lateness samples kept: 22 minutes
 
 
 class Plant(Protocol):
@@ -57,33 +51,6 @@ OnFailure = Callable[[Exception], None]
 """Called in the thread that an exception has ended; the machine's own watchdog makes it neutral then."""
 
 
-class LatenessMeter:
-    """Collects how late each cycle began; a fixed ring, no allocation."""
-
-    def __init__(self) -> None:
-        self._ring = np.zeros(WINDOW)
-        self._count = 0
-        self._missed = 0
-        self._shown, self._shown_at = Lateness(), 0
-
-    def add(self, late_ns: int) -> None:
-        """Add one cycle's lateness [ns]; a whole period late counts as missed."""
-        self._ring[self._count % WINDOW] = late_ns * 1e-6
-        self._count += 1
-        self._missed += late_ns // CYCLE_NS
-
-    def lateness(self) -> Lateness:
-        """Return the percentiles so far [ms], at most a second old: sorting them takes a millisecond."""
-        if self._shown_at and self._count - self._shown_at < PER_SECOND:
-            return self._shown
-        self._shown_at = self._count
-        seen = self._ring[: min(self._count, WINDOW)]
-        if len(seen):
-            p50, p999 = np.percentile(seen, [50, 99.9])
-            self._shown = Lateness(float(p50), float(p999), float(seen.max()), self._missed)
-        return self._shown
-
-
 class RealTimeDriver:
     """The 20 ms control thread on the processor's clock."""
 
@@ -100,12 +67,15 @@ class RealTimeDriver:
         self._threads = [_thread("ascrcp-control", self._control, on_failure)]
         if plant is not None:
             self._threads.append(_thread("ascrcp-rig", self._machine, on_failure))
-        self.meter = LatenessMeter()
+        self.meter = cycle.meter
+        self._collector = Collector()
+        self._switch_s = sys.getswitchinterval()
 
     def start(self) -> None:
         """Start turning."""
-        gc.collect()
-        gc.freeze()  # a collection over a large heap would stop the loop for 0.2 s
+        favour_application()
+        self._collector.start()
+        sys.setswitchinterval(SWITCH_S)
         for thread in reversed(self._threads):
             thread.start()
 
@@ -116,15 +86,16 @@ class RealTimeDriver:
         """Real time never rests."""
 
     def _control(self) -> None:
-        _raise_priority()
+        self.meter.has_priority = favour_control()
         clock, deadline = self.clock, self.clock.now_ns() + CYCLE_NS
         while not self._stop.is_set():
             clock.sleep_until(deadline)
             now = clock.now_ns()
-            self.meter.add(now - deadline)
             self._cycle.admit()
             self._listener(self._cycle.step(now))
+            self.meter.add(deadline, now, clock.now_ns())
             deadline += CYCLE_NS
+            self._collector.turn()
             behind = clock.now_ns() - deadline
             if behind > CYCLE_NS:  # missed whole cycles: count them, never run them in a burst
                 deadline += behind // CYCLE_NS * CYCLE_NS
@@ -132,7 +103,7 @@ class RealTimeDriver:
 
     def _machine(self) -> None:
         assert self._plant is not None
-        _raise_priority()  # it stands for a machine that nothing holds up
+        favour_control()  # it stands for a machine that nothing holds up
         clock, deadline = self.clock, self.clock.now_ns() + CYCLE_NS // 2
         while not self._stop.is_set():
             clock.sleep_until(deadline)
@@ -144,6 +115,9 @@ class RealTimeDriver:
         self._stop.set()
         for thread in self._threads:
             thread.join()
+        sys.setswitchinterval(self._switch_s)
+        self._collector.stop()
+        release_application()
 
 
 class LockstepDriver:
@@ -160,7 +134,7 @@ class LockstepDriver:
         self._stop = threading.Event()
         self._rest = threading.Event()
         self._thread = _thread("ascrcp-control", self._turn, on_failure)
-        self.meter = LatenessMeter()
+        self.meter = cycle.meter
 
     def start(self) -> None:
         """Start turning; the first cycles let every sensor be heard."""
@@ -221,20 +195,3 @@ def _thread(name: str, turn: Callable[[], None], on_failure: OnFailure) -> threa
             on_failure(error)
 
     return threading.Thread(target=run, name=name, daemon=True)
-
-
-def favour_application() -> None:
-    """Put this thread, and those it starts from now on, before other programs where that is permitted.
-
-    The control thread outranks everybody, but it needs the interpreter's lock: while another program
-    has put off the thread that holds the lock, the control thread waits with it.
-    """
-    with contextlib.suppress(PermissionError, AttributeError):
-        os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
-
-
-def _raise_priority() -> None:
-    with contextlib.suppress(
-        PermissionError, AttributeError
-    ):  # ordinary users run without real-time priority
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))

@@ -15,6 +15,7 @@ import numpy as np
 
 from ascrcp.core.errors import DeviceError
 from ascrcp.core.geometry import Array
+from ascrcp.core.priority import be_ordinary
 from ascrcp.devices import lidar_telegram as cola
 from ascrcp.simulation.growth import GrowingWall, SprayTruth
 from ascrcp.simulation.heading import Heading
@@ -126,6 +127,7 @@ def serve(config: LidarConfig, seed: int, poses: PoseBoard, pipe: Connection) ->
     The first message that comes is the heading and how it takes up concrete; the first message back is
     the port, or the reason why there is none.
     """
+    be_ordinary()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the parent; closing its pipe ends us
     try:
         heading, spray = _receive(pipe)
