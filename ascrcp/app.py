@@ -17,7 +17,7 @@ from ascrcp.control.steer_tracker import SteerTracker
 from ascrcp.control.tracker import Tracker
 from ascrcp.core.clock import CYCLE_S, NS
 from ascrcp.core.config import convert, load, merge, read_yaml
-from ascrcp.core.errors import ConfigError, InputError
+from ascrcp.core.errors import ConfigError, DeviceError, InputError
 from ascrcp.core.paths import CONFIG
 from ascrcp.core.profile import Profile, load_profile
 from ascrcp.devices.bus import Bus
@@ -71,6 +71,7 @@ class Options:
         control: Control parameters as a tuning wrote them; those shipped for the machine if None.
         lockstep: Virtual time.
         joystick: A stick in place of the configured one.
+        resprays: So many further sprayings at most; None for as many as the operator asks for.
     """
 
     machine: str = "kc"
@@ -83,6 +84,7 @@ class Options:
     control: Path | None = None
     lockstep: bool = True
     joystick: Joystick | None = None
+    resprays: int | None = None
 
 
 @dataclass(frozen=True)
@@ -141,8 +143,11 @@ class Site:
             self._lidar.lay(batch)
 
     def concrete(self) -> dict[str, float]:
-        """Return what became of the concrete so far [m3]; empty where a cloud stands for the wall."""
-        return {} if self._lidar is None else self._lidar.concrete()
+        """Return what became of the concrete so far [m3]; empty where no wall is, or nobody to tell."""
+        try:
+            return {} if self._lidar is None else self._lidar.concrete()
+        except DeviceError:  # it says so itself, to whom it matters: at the next scan
+            return {}
 
     def plant_fault(self, kind: FaultKind, frame: str, value: float) -> None:
         """Plant a fault in the rig, from the next cycle on."""
@@ -213,6 +218,7 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
         timeout_s = LOCKSTEP_LIDAR_S if options.lockstep else device.timeout_s
         lidar: Lidar = SickLidar(server.host, server.port, timeout_s) if server else _NoLidar()
         opened.callback(lidar.close)
+        site = Site(rig, server, NozzleRecord(spray))
         kernels = KernelMaker(arm, steer, options.load_kg)
         kept = ExitStack()
         session = Session(
@@ -230,13 +236,15 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
                 control=control,
                 payload_kg=options.load_kg,
                 cloud=options.cloud,
-                plant=Site(rig, server, NozzleRecord(spray)),
+                plant=site,
                 truth=rig.true_nozzle,
                 lockstep=options.lockstep,
                 steer=steer,
                 stick=Stick(joystick, SteerTracker(control, steer, arm.n), kernels),
                 report=report,
                 reopen=ours.reopen,
+                concrete=site.concrete,
+                resprays=options.resprays,
                 manifest=_manifest(options, profile),
                 close=kept.close,
             ),

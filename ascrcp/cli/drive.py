@@ -74,7 +74,7 @@ def scan(options: Options, output: Output) -> int:
         session.reset_and_wait(RESET_WAIT_S)
         _do(session, Step.ZERO)
         with session.stopwatch("scan"):
-            scan_heading(session.desk)
+            scan_heading(session, session.round)
         place = session.round.scan
         timing = session.desk.timing_s("scan")
     output.result(

@@ -1,8 +1,9 @@
-"""The five steps of the job as a strip of buttons, each saying its state or why it may not start."""
+"""The steps of the job as a strip of buttons, each saying its state or why it may not start."""
 
 from collections.abc import Callable
 
 from PySide6.QtCore import Qt, Signal
+from PySide6.QtGui import QKeySequence
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton
 
 from ascrcp.hmi.panel import Panel, make_button, make_label, set_text
@@ -11,6 +12,7 @@ from ascrcp.hmi.theme import set_look
 from ascrcp.session.snapshot import Snapshot
 from ascrcp.session.state import STEPS, JobState, Refusal, Step
 
+SHOWN = (*STEPS, Step.RESCAN)
 REASON_PX = 36
 """Room for two lines of a reason under each button [px]."""
 
@@ -23,7 +25,7 @@ def step_state(job: JobState, step: Step) -> str:
 
 
 class StepStrip(Panel):
-    """Five buttons, in the order of the thesis (6.1.2), and a reason under each that is greyed."""
+    """Five buttons, in the order of the thesis (6.1.2), one to scan again, and why each greyed one is."""
 
     pressed = Signal(object)
 
@@ -36,7 +38,7 @@ class StepStrip(Panel):
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
         grid.setSpacing(6)
-        for column, step in enumerate(STEPS):
+        for column, step in enumerate(SHOWN):
             button = make_button("step", name=step.value)
             button.clicked.connect(lambda _=False, step=step: self.pressed.emit(step))
             reason = make_label("reason", wrap=True)
@@ -46,10 +48,11 @@ class StepStrip(Panel):
             grid.addWidget(reason, 1, column)
             grid.setColumnStretch(column, 1)
             self.buttons[step], self.reasons[step] = button, reason
+        self.buttons[Step.RESCAN].setShortcut(QKeySequence(f"Alt+{len(SHOWN)}"))
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
         """Follow the state machine."""
-        for number, step in enumerate(STEPS, 1):
+        for number, step in enumerate(SHOWN, 1):
             state = step_state(snapshot.job, step)
             reason = None if state == "active" else self._refusal(step)
             button = self.buttons[step]

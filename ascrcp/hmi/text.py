@@ -31,6 +31,7 @@ STEP_NAME: dict[Step, tuple[str, str]] = {
     Step.LOAD: ("Load data", "读取数据"),
     Step.GO_TO_START: ("Go to start", "运动至初始点"),
     Step.RUN: ("Run", "开始运动"),
+    Step.RESCAN: ("Scan again", "再次扫描"),
 }
 MODE_NAME: dict[Mode, tuple[str, str]] = {
     Mode.AUTOMATIC: ("Automatic", "全自动"),

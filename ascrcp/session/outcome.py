@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ascrcp.core.flow import JointSequence
+from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import Array
+from ascrcp.session.snapshot import WallLayer
 
 
 @dataclass(frozen=True)
@@ -36,3 +37,11 @@ class Loaded:
 
     sequence: JointSequence
     planned: int
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a further scan found: the heading as it is now, the layer laid so far with its figures."""
+
+    surface: Surface
+    layer: WallLayer

@@ -7,8 +7,11 @@ from pathlib import Path
 from typing import IO, Any
 
 from ascrcp.core.errors import InputError
+from ascrcp.core.file import make_folder
 from ascrcp.session.evaluation import RunTrace
 from ascrcp.session.store import read_archive, read_json, write_archive, write_json
+
+RESCAN = "rescan"  # folders of further scans: rescan-1, rescan-2, ...
 
 
 class Round:
@@ -24,6 +27,8 @@ class Round:
         plan: What was planned beside the path: passes, layers, wanted surface.
         prediction: What it will come to, JSON.
         joints: Joint sequence, CSV.
+        achieved: What a further scan found of the layer laid before it.
+        finish: Its figures, JSON.
         trace: Errors of the run, one row per cycle.
         result: Summary of the run, JSON.
         log: Run log, MCAP.
@@ -41,6 +46,8 @@ class Round:
         self.plan = folder / "plan.npz"
         self.prediction = folder / "plan.json"
         self.joints = folder / "joints.csv"
+        self.achieved = folder / "achieved.npz"
+        self.finish = folder / "achieved.json"
         self.trace = folder / "trace.npz"
         self.result = folder / "result.json"
         self.log = folder / "run.mcap"
@@ -57,6 +64,31 @@ class Round:
         except OSError as error:
             raise InputError(f"{place}: cannot make the folder: {error.strerror or error}") from None
         return place
+
+    def rescans(self) -> list["Round"]:
+        """Return the folders of the further scans that belong to this round's plan, in their order."""
+        return [Round(self.folder / name) for name in self.manifest().get("rescans", [])]
+
+    def begin_rescan(self) -> "Round":
+        """Make the folder of a further scan, and of what is planned and sprayed after it; none is reused.
+
+        Raises:
+            InputError: It cannot be made.
+        """
+        number = 1
+        while (place := self.folder / f"{RESCAN}-{number}").exists():
+            number += 1
+        make_folder(place)
+        return Round(place)
+
+    def keep_rescan(self, rescan: "Round") -> None:
+        """Note that a further scan has been measured."""
+        self.note(rescans=[*(found.folder.name for found in self.rescans()), rescan.folder.name])
+
+    def leave_rescans(self) -> None:
+        """Note that the further scans so far measured another plan; their folders stay."""
+        if self.rescans():
+            self.note(rescans=[])
 
     def manifest(self) -> dict[str, Any]:
         """Return what the round was made with; empty if nothing was noted."""

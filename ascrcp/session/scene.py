@@ -21,8 +21,14 @@ def change_scene(
     predicted: WallLayer | None = None,
     achieved: WallLayer | None = None,
 ) -> Scene:
-    """Return a scene with parts replaced; a new path takes the sequence back, being another plan's."""
+    """Return a scene with parts replaced.
+
+    A new path takes the sequence back, being another plan's; a surface alone the layer achieved, being
+    another heading's.
+    """
     scene = replace(scene, version=scene.version + 1)
+    if surface is not None and achieved is None:
+        scene = replace(scene, achieved=None, predicted=None)
     if surface is not None:
         stride = max(1, -(-len(surface.points) // SCENE_POINTS))
         scene = replace(

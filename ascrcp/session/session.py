@@ -19,8 +19,9 @@ from ascrcp.session import state
 from ascrcp.session.alarm_history import AlarmHistory
 from ascrcp.session.compute import Compute
 from ascrcp.session.cycle import Cycle, CycleOutput
-from ascrcp.session.driver import LockstepDriver, RealTimeDriver, favour_application
-from ascrcp.session.job import JOBS, Desk
+from ascrcp.session.desk import Desk
+from ascrcp.session.driver import LockstepDriver, RealTimeDriver
+from ascrcp.session.loop import JOBS
 from ascrcp.session.notice import Notices
 from ascrcp.session.operation import Operation, StoppedError
 from ascrcp.session.recorder import LOCKSTEP_DISK_S, Recorder
@@ -44,8 +45,6 @@ class Session:
         self.arm = setup.arm
         self.round = round_
         self.setup, self.site = setup, setup.plant
-        if not setup.lockstep:
-            favour_application()
         self._lock = threading.Lock()
         self._job = JobState(done=frozenset({Step.RECOGNISE} if round_.joints.exists() else ()))
         self._latest: CycleOutput | None = None
@@ -54,8 +53,7 @@ class Session:
         self.failure = ""
         self._scene = Scene()
         self._stage = ("", "")
-        self._stage_began = time.monotonic()
-        self._stage_began_ns = 0
+        self._stage_began, self._stage_began_ns = time.monotonic(), 0
         self._causes: tuple[str, ...] = ()
         self._history = AlarmHistory()
         self._digest = hashlib.sha256()
@@ -98,7 +96,8 @@ class Session:
 
     @property
     def _job_now(self) -> JobState:
-        return replace(self._job, has_joystick=self.setup.stick.is_present)
+        setup = self.setup
+        return replace(self._job, has_joystick=setup.stick.is_present, has_lidar=setup.cloud is None)
 
     def start_jog(self, kind: Literal["nozzle", "joint"], joint: int = 0) -> None:
         """Give the arm to the stick for set-up: the nozzle freely, or one joint; slow, kept clear.
@@ -303,7 +302,8 @@ class Session:
         is_done = self._attempt(step.value, lambda: JOBS[step](self.desk))
         with self._lock:
             if self._job.active is step:
-                self._job = state.finish(self._job) if is_done else state.abandon(self._job)
+                over = state.finish(self._job, self.desk.finding)
+                self._job = over if is_done else state.abandon(self._job)
         self.stage("", "")
         self._recorder.put_event(self.t_ns, "step", step.value, "done" if is_done else "failed")
 

@@ -28,9 +28,11 @@ class ReportConfig(Struct):
     Attributes:
         sprayed_share: Least share of the planned points that must have been reached, and of these within
             the rule of 100 mm and 5 deg.
+        covered_share: Share of the wall within tolerance at which no further spraying is offered.
     """
 
     sprayed_share: Annotated[float, Meta(ge=0.0, le=1.0)]
+    covered_share: Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,8 @@ class Setup:
         stick: The operator's joystick and what follows it.
         report: What a finished job must have reached.
         reopen: Opens the bus anew after its adapter failed; only on the operator's reset (fault F33).
+        concrete: The rig's truth about the concrete laid so far [m3], empty on a machine.
+        resprays: So many further sprayings are planned at most; None for as many as are asked for.
         manifest: What the round was made with, for the record.
         close: Releases bus, lidar and rig.
     """
@@ -82,5 +86,7 @@ class Setup:
     stick: Stick
     report: ReportConfig
     reopen: Callable[[], None]
+    concrete: Callable[[], dict[str, float]]
+    resprays: int | None
     manifest: dict[str, Any]
     close: Callable[[], None]

@@ -1,6 +1,8 @@
 """What the screen sees: one immutable snapshot of the job, taken whole at one control cycle."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,11 +123,19 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class WallLayer:
-    """Values on the unrolled wall [m]: stations (ns,), arc lengths (na,), NaN unknown, shape (ns, na)."""
+    """Values on the unrolled wall.
+
+    Attributes:
+        station: Of the rows [m], shape (ns,).
+        along: Arc lengths of the columns [m], shape (na,).
+        values: [m], NaN unknown, shape (ns, na).
+        figures: What they come to, by the keys of plan.json or achieved.json; empty if nobody knows.
+    """
 
     station: Array
     along: Array
     values: NDArray
+    figures: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

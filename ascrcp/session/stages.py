@@ -55,7 +55,7 @@ from ascrcp.session.surroundings import find_obstacles
 Progress = Callable[[float], None]
 
 
-def _quiet(fraction: float) -> None:
+def quiet(fraction: float) -> None:
     """Progress nobody wants."""
 
 
@@ -67,7 +67,7 @@ def recognise(
     parameters: PerceptionParameters,
     payload_kg: float = 0.0,
     shift: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    progress: Progress = _quiet,
+    progress: Progress = quiet,
 ) -> Surface:
     """Scan or cloud file -> surface.npz, features.json, cloud.ply in the folder.
 
@@ -89,7 +89,7 @@ def recognise(
     if cloud_file is not None:
         cloud = read_cloud(cloud_file, shift)
     else:
-        cloud = _project(read_scan(round_.need("scan", "scan")), machine, payload_kg, notes)
+        cloud = project_scan(read_scan(round_.need("scan", "scan")), machine, payload_kg, notes)
     progress(0.2)
     timing: dict[str, float] = {}
     surface = recognise_cloud(
@@ -103,8 +103,15 @@ def recognise(
     return surface
 
 
-def _project(scan: Scan, machine: str, payload_kg: float, notes: dict[str, Any]) -> Cloud:
-    """Align the pan head to the lance it sees (thesis 3.2), then carry the points into the base frame."""
+def project_scan(scan: Scan, machine: str, payload_kg: float, notes: dict[str, Any]) -> Cloud:
+    """Align the pan head to the lance it sees (thesis 3.2), then carry the points into the base frame.
+
+    Args:
+        scan: Raw scan.
+        machine: Machine name or YAML, for the lidar's place on the arm.
+        payload_kg: Concrete in the hose while scanning, for the sag of that place [kg].
+        notes: Filled with what the alignment found.
+    """
     zero = 0.0
     try:
         found = align(scan, load_survey().alignment)
@@ -124,7 +131,7 @@ def plan(
     folder: Path,
     config: PlanningParameters,
     after: Path | None = None,
-    progress: Progress = _quiet,
+    progress: Progress = quiet,
 ) -> SprayPath:
     """surface.npz -> path.csv, plan.npz, plan.json.
 
@@ -146,12 +153,14 @@ def plan(
         path = plan_path(surface, config.path, progress=progress)
         path = replace(path, flow=np.full(len(path), config.process.spray.pump_steps[1]))
         round_.forget("plan", "prediction", "joints")
+        round_.leave_rescans()
         write_path(round_.path, path)
         return path
     found = None if after is None else achieved_surface(surface, config, after)
     planned = plan_spray(surface, config.path, config.process, found, progress)
     predicted = predict(planned, config.process)
     round_.forget("joints")  # of the path before
+    round_.leave_rescans()
     write_path(round_.path, planned.path)
     write_layout(round_.plan, planned, predicted.finish)
     write_json(round_.prediction, {"planned": predicted.to_dict(), "again": after is not None})
@@ -189,7 +198,7 @@ def achieved_surface(surface: Surface, config: PlanningParameters, after: Path) 
 
 
 def solve(
-    folder: Path, machine: str, config: PlanningParameters, payload_kg: float, progress: Progress = _quiet
+    folder: Path, machine: str, config: PlanningParameters, payload_kg: float, progress: Progress = quiet
 ) -> Solution:
     """path.csv and surface.npz -> joints.csv, clear of what the scan saw.
 
@@ -269,7 +278,7 @@ def approach(
     payload_kg: float,
     q_from: Sequence[float],
     q_to: Sequence[float],
-    progress: Progress = _quiet,
+    progress: Progress = quiet,
 ) -> JointSequence:
     """Plan a move from pose to pose, clear of what the round's scan saw if there is one.
 
@@ -313,7 +322,7 @@ class SaggedArm:
         self.forward = lambda q: sagged_forward(arm, q, payload_kg)
 
 
-def load(folder: Path, machine: str, config: PlanningParameters, progress: Progress = _quiet) -> Loaded:
+def load(folder: Path, machine: str, config: PlanningParameters, progress: Progress = quiet) -> Loaded:
     """joints.csv -> a sequence checked whole against the arm (thesis 5.3)."""
     round_ = Round(folder)
     sequence = read_joints(round_.need("joints", "solve"))

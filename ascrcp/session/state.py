@@ -17,13 +17,14 @@ class Mode(Enum):
 
 
 class Step(Enum):
-    """The five buttons of the thesis, in order."""
+    """The five buttons of the thesis, in order, and the one that closes the loop."""
 
     ZERO = "zero"
     RECOGNISE = "recognise"
     LOAD = "load"
     GO_TO_START = "go_to_start"
     RUN = "run"
+    RESCAN = "rescan"
 
     @property
     def moves(self) -> bool:
@@ -31,22 +32,36 @@ class Step(Enum):
         return self in (Step.ZERO, Step.GO_TO_START, Step.RUN)
 
 
-STEPS = tuple(Step)
+STEPS = (Step.ZERO, Step.RECOGNISE, Step.LOAD, Step.GO_TO_START, Step.RUN)
+"""The thesis's job; `RESCAN` leads from its end to the second spraying."""
 
 # a step that starts takes back these, because they are no longer true
 _TAKES_BACK = {
     Step.ZERO: {Step.ZERO, Step.GO_TO_START, Step.RUN},
-    Step.RECOGNISE: {Step.RECOGNISE, Step.LOAD, Step.GO_TO_START, Step.RUN},
+    Step.RECOGNISE: {Step.RECOGNISE, Step.LOAD, Step.GO_TO_START, Step.RUN, Step.RESCAN},
     Step.LOAD: {Step.LOAD, Step.GO_TO_START, Step.RUN},
     Step.GO_TO_START: {Step.ZERO, Step.GO_TO_START, Step.RUN},
-    Step.RUN: {Step.GO_TO_START, Step.RUN},
+    Step.RUN: {Step.GO_TO_START, Step.RUN, Step.RESCAN},
+    Step.RESCAN: {Step.RESCAN, Step.LOAD, Step.GO_TO_START, Step.RUN},
 }
 _NEEDS = {
     Step.RECOGNISE: Step.ZERO,
     Step.LOAD: Step.RECOGNISE,
     Step.GO_TO_START: Step.LOAD,
     Step.RUN: Step.GO_TO_START,
+    Step.RESCAN: Step.ZERO,
 }
+
+
+class Finding(Enum):
+    """What a further scan has led to."""
+
+    MEASURED = "measured"
+    """The layer is known; nothing more was asked."""
+    PLANNED = "planned"
+    """What is too thin is planned and solved: load it next."""
+    COVERED = "covered"
+    """Enough of the wall is within tolerance, or nothing is left that a spraying could mend."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +75,9 @@ class JobState:
         stopped: A stop is latched; only reset leads out.
         has_joystick: Whether a joystick is there for the semi-automatic run.
         jogging: Whether the stick jogs the arm for set-up, outside the five steps.
+        sprayed: A run has been finished since the wall was last scanned.
+        covered: The last scan found nothing that is worth another spraying.
+        has_lidar: Whether the wall can be scanned; not where a cloud stands for it.
     """
 
     mode: Mode = Mode.AUTOMATIC
@@ -68,6 +86,9 @@ class JobState:
     stopped: bool = True
     has_joystick: bool = False
     jogging: bool = False
+    sprayed: bool = False
+    covered: bool = False
+    has_lidar: bool = True
 
 
 class Refusal(Enum):
@@ -79,6 +100,12 @@ class Refusal(Enum):
     NEEDS_RECOGNISE = ("Recognise and solve first.", "请先识别解算。")
     NEEDS_LOAD = ("Load the joint sequence first.", "请先读取数据。")
     NEEDS_GO_TO_START = ("Go to the start first.", "请先运动至初始点。")
+    NEEDS_RUN = ("Spray first: this measures what has been laid.", "请先喷射：此步测量已喷厚度。")
+    NEEDS_LIDAR = (
+        "The wall is a cloud file: it cannot be scanned again.",
+        "壁面来自点云文件，无法再次扫描。",
+    )
+    COVERED = ("Within tolerance: nothing left to spray.", "已达标：无需补喷。")
     NEEDS_JOYSTICK = (
         "Semi-automatic mode needs a joystick; none is connected.",
         "半自动模式需要摇杆；未连接摇杆。",
@@ -92,6 +119,10 @@ def refusal(state: JobState, step: Step) -> Refusal | None:
         return Refusal.STOPPED
     if state.active is not None or state.jogging:
         return Refusal.BUSY
+    if state.covered and step in (Step.LOAD, Step.RESCAN):
+        return Refusal.COVERED
+    if step is Step.RESCAN and not (state.has_lidar and state.sprayed):
+        return Refusal.NEEDS_RUN if state.has_lidar else Refusal.NEEDS_LIDAR
     needed = _NEEDS.get(step)
     if needed is not None and needed not in state.done:
         return Refusal[f"NEEDS_{needed.name}"]
@@ -121,14 +152,19 @@ def end_jog(state: JobState) -> JobState:
 
 def start(state: JobState, step: Step) -> JobState:
     """Begin a step that `refusal` allows."""
-    return replace(state, active=step, done=state.done - _TAKES_BACK[step])
+    begun = replace(state, active=step, done=state.done - _TAKES_BACK[step])
+    return replace(begun, sprayed=False, covered=False) if step is Step.RECOGNISE else begun
 
 
-def finish(state: JobState) -> JobState:
-    """The active step has succeeded."""
-    if state.active is None:
+def finish(state: JobState, finding: Finding = Finding.MEASURED) -> JobState:
+    """The active step has succeeded; `finding` is what a further scan has led to."""
+    step = state.active
+    if step is None:
         return state
-    return replace(state, active=None, done=state.done | {state.active})
+    over = replace(state, active=None, done=state.done | {step}, sprayed=state.sprayed or step is Step.RUN)
+    if step is not Step.RESCAN or finding is Finding.MEASURED:
+        return over
+    return replace(over, sprayed=False, covered=finding is Finding.COVERED)
 
 
 def abandon(state: JobState) -> JobState:

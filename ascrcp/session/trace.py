@@ -1,15 +1,21 @@
 """Collect the run's errors cycle by cycle: CycleOutput -> RunTrace. Cheap enough for the control thread."""
 
+import math
 from array import array
 
 import numpy as np
 
+from ascrcp.core.clock import CYCLE_S
 from ascrcp.session.cycle import CycleOutput
 from ascrcp.session.evaluation import RunTrace
 
 
 class TraceCollector:
-    """Rows in one flat block of doubles, 230 bytes a cycle; nothing is converted when the run has ended."""
+    """Rows in one flat block of doubles, 230 bytes a cycle; nothing is converted when the run has ended.
+
+    Attributes:
+        pumped_s: Concrete flow summed, in seconds of the pump's largest.
+    """
 
     def __init__(self, joints: int) -> None:
         self._joints = joints
@@ -17,9 +23,12 @@ class TraceCollector:
         self._from_truth = True
         self._judged = 0
         self._approached = 0
+        self.pumped_s = 0.0
 
     def add(self, output: CycleOutput) -> None:
         """Add one cycle of a run."""
+        flow = output.inputs.pump_flow
+        self.pumped_s += (flow if math.isfinite(flow) else output.verdict.command.pump) * CYCLE_S
         if output.tip is None:
             return
         track, tip, truth = output.track, output.tip, output.truth

@@ -7,18 +7,24 @@ import numpy as np
 
 from ascrcp.session.round import Round
 from ascrcp.session.snapshot import WallLayer
-from ascrcp.session.store import read_archive
+from ascrcp.session.store import read_archive, read_json
 
 
 def read_predicted(folder: Path, progress: Callable[[float], None] = lambda done: None) -> WallLayer | None:
-    """plan.npz -> the predicted layer, None without a plan; for the compute process.
+    """plan.npz and plan.json -> the predicted layer, None without a plan; for the compute process.
 
     Raises:
         InputError: A damaged file.
     """
-    place = Round(folder).plan
-    if not place.exists():
+    round_ = Round(folder)
+    if not round_.plan.exists():
         return None
-    _, arrays = read_archive(place, "plan", ("station", "along", "growth"))
+    _, arrays = read_archive(round_.plan, "plan", ("station", "along", "growth"))
+    tree = read_json(round_.prediction) if round_.prediction.exists() else {}
     progress(1.0)
-    return WallLayer(arrays["station"], arrays["along"], arrays["growth"].astype(np.float32))
+    return WallLayer(
+        arrays["station"],
+        arrays["along"],
+        arrays["growth"].astype(np.float32),
+        tree.get("driven", tree.get("planned", {})),
+    )

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from ascrcp.session.state import (
     STEPS,
+    Finding,
     JobState,
     Mode,
     Refusal,
@@ -69,7 +70,12 @@ def test_mode_is_kept_while_a_step_is_under_way() -> None:
 
 
 EVENTS = st.lists(
-    st.one_of(st.sampled_from(STEPS), st.sampled_from(["finish", "abandon", "stop", "reset"])), max_size=40
+    st.one_of(
+        st.sampled_from(Step),
+        st.sampled_from(Finding),
+        st.sampled_from(["finish", "abandon", "stop", "reset"]),
+    ),
+    max_size=40,
 )
 
 
@@ -80,16 +86,71 @@ def test_invariants_hold_over_any_history(events: list[object]) -> None:
         if isinstance(event, Step):
             if refusal(job, event) is None:
                 job = start(job, event)
+        elif isinstance(event, Finding):
+            job = finish(job, event)
         else:
             job = {"finish": finish, "abandon": abandon, "stop": stop, "reset": reset}[str(event)](job)
         assert not (job.stopped and job.active is not None), "nothing goes on while stopped"
         if job.active is not None:
             assert job.active not in job.done, "a step under way is not done"
-            assert all(refusal(job, step) is not None for step in STEPS), "one step at a time"
+            assert all(refusal(job, step) is not None for step in Step), "one step at a time"
+        assert not (job.sprayed and job.covered), "a covered wall waits for no scan"
+        if refusal(job, Step.RESCAN) is None:
+            assert job.sprayed and Step.ZERO in job.done, (
+                "something was laid, and the arm is at the scan pose"
+            )
         if Step.GO_TO_START in job.done:
             assert {Step.LOAD, Step.RECOGNISE} <= job.done
         if job.stopped:
-            assert all(refusal(job, step) is Refusal.STOPPED for step in STEPS)
+            assert all(refusal(job, step) is Refusal.STOPPED for step in Step)
+
+
+def sprayed() -> JobState:
+    job = READY
+    for step in STEPS:
+        job = do(job, step)
+    return job
+
+
+def test_a_second_scan_is_offered_after_a_run_from_the_scan_pose() -> None:
+    job = READY
+    for step in STEPS:
+        assert refusal(job, Step.RESCAN) is Refusal.NEEDS_RUN
+        job = do(job, step)
+    assert refusal(job, Step.RESCAN) is Refusal.NEEDS_ZERO
+    job = do(job, Step.ZERO)
+    assert refusal(job, Step.RESCAN) is None
+    assert refusal(replace(job, has_lidar=False), Step.RESCAN) is Refusal.NEEDS_LIDAR
+
+
+def test_a_second_spraying_is_loaded_and_run_like_the_first_and_scanned_again() -> None:
+    job = start(do(sprayed(), Step.ZERO), Step.RESCAN)
+    planned = finish(job, Finding.PLANNED)
+    assert refusal(planned, Step.RESCAN) is Refusal.NEEDS_RUN, "what it planned comes first"
+    assert refusal(planned, Step.RUN) is Refusal.NEEDS_GO_TO_START, "the old sequence is not run again"
+    assert refusal(planned, Step.GO_TO_START) is Refusal.NEEDS_LOAD
+    for step in (Step.LOAD, Step.GO_TO_START, Step.RUN, Step.ZERO):
+        planned = do(planned, step)
+    assert refusal(planned, Step.RESCAN) is None
+
+
+def test_a_covered_wall_is_offered_nothing_more_until_the_next_heading() -> None:
+    job = finish(start(do(sprayed(), Step.ZERO), Step.RESCAN), Finding.COVERED)
+    assert refusal(job, Step.RESCAN) is refusal(job, Step.LOAD) is Refusal.COVERED
+    assert refusal(do(job, Step.RECOGNISE), Step.LOAD) is None
+
+
+def test_a_scan_that_failed_or_only_measured_may_be_repeated() -> None:
+    job = start(do(sprayed(), Step.ZERO), Step.RESCAN)
+    assert refusal(abandon(job), Step.RESCAN) is None
+    assert refusal(finish(job, Finding.MEASURED), Step.RESCAN) is None
+    halted = reset(stop(job))
+    assert refusal(halted, Step.RESCAN) is None
+
+
+def test_a_new_heading_has_not_been_sprayed() -> None:
+    job = do(do(sprayed(), Step.ZERO), Step.RECOGNISE)
+    assert refusal(job, Step.RESCAN) is Refusal.NEEDS_RUN
 
 
 def test_refusals_speak_both_languages() -> None:

@@ -1,0 +1,172 @@
+"""What a spraying has come to, by a further scan: Cloud, Surface of the first scan -> Achieved.
+
+The machine stands where it stood, but its sensors do not tell the same pose twice to the millimetre: the
+scans are registered on what nobody sprayed. The layer is measured on the plan's grid, and the finish over
+the same patches as the prediction, so that the two stand beside each other.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
+
+from ascrcp.core.errors import RecognitionError
+from ascrcp.core.flow import Label, Surface
+from ascrcp.core.geometry import Array, apply_transform
+from ascrcp.perception.registration import Registration, register
+from ascrcp.perception.survey import SurveyParameters
+from ascrcp.perception.thickness import measure_thickness, stable_points
+from ascrcp.planning.parameter import Parameters as PlanningParameters
+from ascrcp.planning.rescan import find_after
+from ascrcp.planning.spray_plan import Layout
+from ascrcp.planning.target import Left, Target, find_target, mean_finish
+from ascrcp.planning.wall import fit_wall
+
+SAME_M = 0.35  # a point so near one of the first scan is of the same kind: thicker is no layer; placeholder
+EVERY = 4  # of the first scan's points are asked for their kind
+
+
+@dataclass(frozen=True)
+class Achieved:
+    """What a spraying has come to.
+
+    Attributes:
+        target: Grid, the wall before any spraying, the wanted surface.
+        after: Offset of the wall found [m], NaN where not seen, shape (ns, na).
+        layer: How much the wall came nearer [m], NaN where not seen, shape (ns, na).
+        finish: Mean distance of each patch from the wanted surface [m], outward (too thin) positive, NaN
+            where not judged, shape (ns, na).
+        surface: The heading as it is now, in the frame and with the findings of the first scan.
+        figures: For files and screens; millimetres where the key says so.
+    """
+
+    target: Target
+    after: Array
+    layer: Array
+    finish: Array
+    surface: Surface
+    figures: dict[str, Any]
+
+
+def measure_achieved(
+    points: NDArray[np.float32],
+    first: Surface,
+    layout: Layout | None,
+    config: PlanningParameters,
+    survey: SurveyParameters,
+) -> Achieved:
+    """Lay a further scan over the first and measure what has been laid.
+
+    Args:
+        points: The further scan, base frame [m], shape (n, 3).
+        first: The heading as recognised before any spraying.
+        layout: Of the plan that was sprayed first: tells what it could cover; None without one.
+        config: Grid, wanted surface, patch.
+        survey: Registration, thickness.
+
+    Raises:
+        RecognitionError: The scans do not show the same wall.
+    """
+    labels = carry_labels(points, first)
+    second = replace(first, points=points, labels=labels)
+    found = register(stable_points(first), stable_points(second), survey.registration)
+    moved = apply_transform(found.T_first_second, points.astype(float)).astype(np.float32)
+    target = layout.target if layout is not None else _target(first, config)
+    after = find_after(moved, first, target)
+    seen = np.isfinite(after)
+    share = seen.sum() / max(1, np.isfinite(target.offset).sum())
+    if not share >= survey.registration.min_share:
+        raise RecognitionError(
+            f"the scan shows {100 * share:.0f} % of the wall of the first one, "
+            f"needed {100 * survey.registration.min_share:.0f} %"
+        )
+    layer = target.offset - after
+    finish = judge_finish(after, target, layout, config)
+    noise = measure_thickness(first.points, moved, first, survey.thickness)
+    figures = {
+        **finish_figures(finish, target, config.process.target.tolerance_m),
+        "laid_m3": float((np.nan_to_num(layer) * target.area)[_rows(target)].sum()),
+        "unseen_m2": float(target.area[target.inside & ~seen].sum()),
+        "registration": _describe(found),
+        "noise_mm": 1e3 * noise.noise_floor,
+        "noise_m2_mm": 1e3 * noise.noise_floor_m2,
+        "bias_mm": 1e3 * noise.bias,
+    }
+    surface = _renew(first, moved, labels, target, layer)
+    return Achieved(target, after, layer, finish, surface, figures)
+
+
+def carry_labels(points: NDArray[np.float32], first: Surface) -> NDArray[np.uint8]:
+    """Tell what each point is from its nearest neighbour in the first scan; what is new is OTHER, (n,)."""
+    tree = cKDTree(first.points[::EVERY])
+    far, owner = tree.query(points, distance_upper_bound=SAME_M)
+    labels = np.full(len(points), Label.OTHER, dtype=np.uint8)
+    near = np.isfinite(far)
+    labels[near] = first.labels[::EVERY][owner[near]]
+    return labels
+
+
+def judge_finish(after: Array, target: Target, layout: Layout | None, config: PlanningParameters) -> Array:
+    """Average what is left of the wall before the wanted surface over patches [m], NaN where not judged.
+
+    Judged is what the prediction judges: what the plan said it can cover, away from the ends.
+    """
+    p = config.process.target
+    mask = target.inside & np.isfinite(after)
+    if layout is not None:
+        mask &= layout.exposed
+    rows = np.flatnonzero(_rows(target))
+    near = (target.station > target.station[rows[0]] + p.corner_m) & (
+        target.station < target.station[rows[-1]] - p.corner_m
+    )
+    return mean_finish(after - target.wanted, mask & near[:, None], target, p.patch_m)
+
+
+def finish_figures(finish: Array, target: Target, tolerance: float) -> dict[str, float]:
+    """Sum a finish up as plan.json does for the prediction."""
+    judged = np.isfinite(finish)
+    value, area = finish[judged], target.area[judged]
+    total = max(float(area.sum()), 1e-9)
+    mean = float((value * area).sum()) / total
+    return {
+        "within_tolerance": float(area[np.abs(value) <= tolerance].sum()) / total,
+        "too_thin": float(area[value > tolerance].sum()) / total,
+        "tolerance_mm": 1e3 * tolerance,
+        "finish_std_mm": 1e3 * float(np.sqrt((area * (value - mean) ** 2).sum() / total)),
+        "thinnest_mm": 1e3 * float(np.max(value, initial=0.0)),
+        "thickest_mm": -1e3 * float(np.min(value, initial=0.0)),
+        "area_m2": float(area.sum()),
+    }
+
+
+def _target(first: Surface, config: PlanningParameters) -> Target:
+    wall = fit_wall(first, config.path)
+    return find_target(first, wall, config.process, config.path.bridge_m)
+
+
+def _rows(target: Target) -> NDArray[np.bool_]:
+    """Mark the rows of the part to be sprayed, shape (ns,)."""
+    return np.asarray((target.left != Left.OUTSIDE).any(axis=1))
+
+
+def _describe(found: Registration) -> dict[str, Any]:
+    return {"residual_mm": 1e3 * found.residual, "share": found.share, "converged": found.converged}
+
+
+def _renew(
+    first: Surface, points: NDArray[np.float32], labels: NDArray[np.uint8], target: Target, layer: Array
+) -> Surface:
+    """Put the layer on the wall, which the arm may hit next; where it was not seen, its neighbour's."""
+    known = np.isfinite(layer)
+    laid = np.zeros(layer.shape)
+    if known.any():
+        nearest = distance_transform_edt(~known, return_distances=False, return_indices=True)
+        laid = np.maximum(layer[tuple(nearest)], 0.0)
+    station, along = (x.ravel() for x in np.meshgrid(first.station, first.along, indexing="ij"))
+    on = (station >= first.unsprayed[0]) & (station <= first.unsprayed[1])
+    by = np.where(on, target.sample(laid, station, along), 0.0).reshape(first.offset.shape)
+    offset = (first.offset - by).astype(np.float32)
+    return replace(first, offset=offset, points=points, labels=labels)

@@ -1,0 +1,131 @@
+"""The stages of a second spraying, for the compute process: scan it again, measure, plan what is too thin.
+
+A further scan has a folder of its own inside the round. Its surface is the heading as it is now, in the
+frame of the first scan, so that solving, loading and moving work on that folder as on any round.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from ascrcp.core.errors import InputError
+from ascrcp.core.flow import SprayPath, Surface
+from ascrcp.core.geometry import Array
+from ascrcp.perception.crop import crop
+from ascrcp.perception.parameter import PerceptionParameters
+from ascrcp.perception.survey import load_survey
+from ascrcp.perception.voxel import voxel
+from ascrcp.perception.writer import write_labelled_cloud
+from ascrcp.planning.parameter import Parameters as PlanningParameters
+from ascrcp.planning.prediction import predict
+from ascrcp.planning.spray_plan import find_thin, plan_spray, renew
+from ascrcp.planning.table import write_path
+from ascrcp.planning.target import find_target
+from ascrcp.planning.wall import fit_wall
+from ascrcp.session.achieved import Achieved, measure_achieved
+from ascrcp.session.layout_store import read_layout, write_layout
+from ascrcp.session.outcome import Measured
+from ascrcp.session.round import Round
+from ascrcp.session.snapshot import WallLayer
+from ascrcp.session.stages import Progress, project_scan, quiet
+from ascrcp.session.store import (
+    read_archive,
+    read_scan,
+    read_surface,
+    write_archive,
+    write_json,
+    write_surface,
+)
+
+_GRIDS = ("after", "layer", "finish")
+
+
+def measure(
+    folder: Path,
+    first: Path,
+    machine: str,
+    config: PlanningParameters,
+    perception: PerceptionParameters,
+    payload_kg: float,
+    progress: Progress = quiet,
+) -> Measured:
+    """scan.npz of a further scan -> achieved.npz, achieved.json, surface.npz, cloud.ply beside it.
+
+    Args:
+        folder: Folder of the further scan.
+        first: Round folder of the first.
+        machine: Machine name or YAML, for the lidar's place on the arm.
+        config: Planner: grid, wanted surface.
+        perception: For thinning the cloud.
+        payload_kg: Concrete in the hose while scanning, for the sag of the lidar's place [kg].
+        progress: Called with the fraction done.
+
+    Raises:
+        InputError: A file is missing or damaged.
+        RecognitionError: The scans do not show the same wall.
+    """
+    round_, before = Round(folder), Round(first)
+    surface = read_surface(before.need("surface", "recognise"))
+    notes: dict[str, object] = {}
+    cloud = project_scan(read_scan(round_.need("scan", "scan")), machine, payload_kg, notes)
+    points = voxel(crop(cloud.points, surface.profile, perception.crop), perception.voxel)
+    progress(0.3)
+    layout = read_layout(before.plan, surface)[0] if before.plan.exists() else None
+    found = measure_achieved(points, surface, layout, config, load_survey())
+    progress(0.8)
+    write_surface(round_.surface, found.surface)
+    write_labelled_cloud(round_.cloud, found.surface)
+    _write_achieved(round_, found)
+    write_json(round_.finish, {**found.figures, **notes})
+    progress(1.0)
+    target = found.target
+    layer = WallLayer(target.station, target.along, found.layer.astype(np.float32), found.figures)
+    return Measured(found.surface, layer)
+
+
+def _write_achieved(round_: Round, found: Achieved) -> None:
+    arrays = {name: getattr(found, name) for name in _GRIDS}
+    arrays |= {"station": found.target.station, "along": found.target.along}
+    write_archive(round_.achieved, "achieved", {}, arrays)
+
+
+def plan_again(
+    folder: Path, first: Path, config: PlanningParameters, progress: Progress = quiet
+) -> SprayPath | None:
+    """achieved.npz -> path.csv, plan.npz, plan.json beside it, for what is still too thin.
+
+    Args:
+        folder: Folder of a further scan that has been measured.
+        first: Round folder of the first scan.
+        config: Planner; what is still too thin is always dosed, whoever planned the first spraying.
+        progress: Called with the fraction done.
+
+    Returns:
+        The path, None if nothing is left to spray.
+
+    Raises:
+        InputError: A file is missing or damaged.
+    """
+    round_ = Round(folder)
+    surface = read_surface(Round(first).need("surface", "recognise"))
+    _, arrays = read_archive(round_.need("achieved", "run"), "achieved", _GRIDS)
+    round_.forget("path", "plan", "prediction", "joints")
+    if not _is_thin(surface, arrays["after"], config):
+        return None
+    planned = plan_spray(surface, config.path, config.process, arrays["after"], progress)
+    predicted = predict(planned, config.process)
+    write_path(round_.path, planned.path)
+    write_layout(round_.plan, planned, predicted.finish)
+    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": True})
+    return planned.path
+
+
+def _is_thin(surface: Surface, after: Array, config: PlanningParameters) -> bool:
+    """Whether any patch lacks enough to be sprayed again."""
+    target = find_target(surface, fit_wall(surface, config.path), config.process, config.path.bridge_m)
+    now = renew(target, after, surface.unsprayed, config.process.target.corner_m)
+    try:
+        find_thin(now, config.process)
+    except InputError:  # its only one: there is none
+        return False
+    return True

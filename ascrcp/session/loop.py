@@ -1,0 +1,87 @@
+"""Closing the loop: scan the sprayed wall again, measure the layer, plan what is still too thin."""
+
+from collections.abc import Callable
+
+from ascrcp.core.flow import SprayPath
+from ascrcp.session import job
+from ascrcp.session.desk import Desk
+from ascrcp.session.outcome import Measured
+from ascrcp.session.remote import Remote
+from ascrcp.session.round import Round
+from ascrcp.session.state import Finding, Step
+
+
+def scan_again(desk: Desk) -> None:
+    """再次扫描: what has been laid, and the plan of a second spraying where it is too thin.
+
+    Everything goes into a folder of its own; what stands in the round stays as it is.
+    """
+    session = desk.session
+    desk.finding = Finding.MEASURED
+    place = session.round.begin_rescan()
+    session.stage("Scanning the sprayed wall", "正在扫描已喷壁面")
+    with session.stopwatch("rescan"):
+        job.scan_heading(session, place)
+    session.announce("Scan finished.", "扫描完成。")
+    _measure(desk, place)
+    if desk.achieved[-1]["within_tolerance"] >= session.setup.report.covered_share:
+        desk.finding = Finding.COVERED
+    elif session.setup.resprays is None or len(desk.runs) <= session.setup.resprays:
+        desk.finding = _plan_again(desk, place)
+    if desk.finding is Finding.COVERED:
+        session.announce("Within tolerance: nothing left to spray.", "已达标：无需补喷。")
+    job.write_report(desk)
+
+
+def _measure(desk: Desk, place: Round) -> None:
+    """Measure the layer achieved so far."""
+    session, setup = desk.session, desk.session.setup
+    session.stage("Measuring the layer", "正在测量喷层厚度", 0.25)
+    with session.stopwatch("measure"):
+        found: Measured = session.run_compute(
+            Remote.MEASURE,
+            place.folder,
+            session.round.folder,
+            setup.machine,
+            setup.planning,
+            setup.perception,
+            setup.payload_kg,
+            share=(0.25, 0.5),
+        )
+    session.round.keep_rescan(place)
+    desk.around = place
+    session.show(surface=found.surface, achieved=found.layer)
+    figures = dict(found.layer.figures)
+    desk.achieved = [*desk.achieved, {"folder": place.folder.name, **figures}]
+    desk.sum_up()
+    share, thin = 100.0 * figures["within_tolerance"], figures["thinnest_mm"]
+    session.announce(
+        f"Within tolerance: {share:.1f} % of the wall; thinnest place lacks {thin:.0f} mm.",
+        f"达标面积：{share:.1f} %；最薄处欠厚 {thin:.0f} mm。",
+    )
+
+
+def _plan_again(desk: Desk, place: Round) -> Finding:
+    """Plan and solve what is too thin; the plan before gives way to it."""
+    session, setup = desk.session, desk.session.setup
+    session.stage("Planning the second spraying", "正在规划补喷", 0.5)
+    with session.stopwatch("plan"):
+        path: SprayPath | None = session.run_compute(
+            Remote.PLAN_AGAIN, place.folder, session.round.folder, setup.planning, share=(0.5, 0.75)
+        )
+    if path is None:
+        return Finding.COVERED
+    desk.round = place
+    job.solve_path(desk, path)
+    return Finding.PLANNED
+
+
+JOBS: dict[Step, Callable[[Desk], None]] = {
+    Step.ZERO: job.zero_joints,
+    Step.RECOGNISE: job.recognise_and_solve,
+    Step.LOAD: job.load_sequence,
+    Step.GO_TO_START: job.go_to_start,
+    Step.RUN: job.run_sequence,
+    Step.RESCAN: scan_again,
+}
+"""What the worker does in each step."""
