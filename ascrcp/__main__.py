@@ -33,7 +33,7 @@ def _run(options: parser.Options, output: Output) -> int:
     from ascrcp.cli import drive  # not for a command that needs neither session nor Qt
     from ascrcp.hmi import application
 
-    session = drive.open_session(options, lockstep=offscreen)
+    session = drive.open_session(options, lockstep=offscreen, resprays=options.respray if offscreen else None)
     if not offscreen:
         return application.run(session, offscreen=False, pictures=options.pictures, auto=False)
     pictures = options.pictures or session.round.pictures
@@ -45,6 +45,7 @@ def _run(options: parser.Options, output: Output) -> int:
             auto=True,
             tell=tell,
             gallery=options.pictures is not None,
+            resprays=options.respray,
         )
     return drive.finish_job(session, output, code)
 

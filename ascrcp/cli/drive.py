@@ -25,7 +25,7 @@ ROUNDS = Path("rounds")
 RESET_WAIT_S = 10.0
 
 
-def app_options(options: Options, lockstep: bool) -> AppOptions:
+def app_options(options: Options, lockstep: bool, resprays: int | None = None) -> AppOptions:
     """Pick what the composition root needs from the command line."""
     return AppOptions(
         machine=options.machine,
@@ -37,13 +37,20 @@ def app_options(options: Options, lockstep: bool) -> AppOptions:
         planner=options.planner,
         control=options.control,
         lockstep=lockstep,
+        resprays=resprays,
     )
 
 
-def open_session(options: Options, lockstep: bool) -> Session:
-    """Open a session on the rig with its round folder."""
+def open_session(options: Options, lockstep: bool, resprays: int | None = None) -> Session:
+    """Open a session on the rig with its round folder.
+
+    Args:
+        options: The command line.
+        lockstep: Virtual time, unless the command line asks for real time.
+        resprays: So many further sprayings at most; None for as many as the operator asks for.
+    """
     lockstep = lockstep and not getattr(options, "realtime", False)
-    return open_app_session(app_options(options, lockstep), options.round, ROUNDS)
+    return open_app_session(app_options(options, lockstep, resprays), options.round, ROUNDS)
 
 
 @contextlib.contextmanager

@@ -19,6 +19,9 @@ BENCHES = (
     "realtime",
 )
 
+MOST_RESPRAYS = 9
+"""Further sprayings a headless job may be asked for; a third has little left to mend."""
+
 
 def _common(parser: argparse.ArgumentParser, defaults: bool = False) -> None:
     """Add the common options; a stage's own leave alone what was given before its name."""
@@ -66,6 +69,13 @@ def _natural(text: str) -> int:
     return value
 
 
+def _few(text: str) -> int:
+    value = int(text)
+    if not 0 <= value <= MOST_RESPRAYS:
+        raise argparse.ArgumentTypeError(f"{text} is not in 0..{MOST_RESPRAYS}")
+    return value
+
+
 def _shift(text: str) -> tuple[float, float, float]:
     try:
         x, y, z = (float(part) for part in text.split(","))
@@ -110,6 +120,13 @@ def build_parser() -> argparse.ArgumentParser:
     parser.add_argument("--pictures", type=Path, metavar="DIR", help="where screen pictures go")
     parser.add_argument(
         "--realtime", action="store_true", help="real time instead of lockstep with --offscreen"
+    )
+    parser.add_argument(
+        "--respray",
+        type=_few,
+        default=0,
+        metavar="N",
+        help="with --offscreen: spray again at most N times what a second scan finds too thin (0)",
     )
     _common(parser, defaults=True)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="stages and tools")

@@ -39,6 +39,7 @@ def result_table(result: dict[str, Any]) -> str:
         f"points: {points['planned']} planned, {points['reached']} reached, {points['skipped']} skipped; "
         f"{at['within_rule']} of {at['count']} within 100 mm and 5 deg",
         f"times: {times}; run at {_number(result['realtime_factor'])} x real time",
+        *finish_lines(result),
     ]
     if late["max"] > 0.0:
         lines.append(
@@ -50,3 +51,35 @@ def result_table(result: dict[str, Any]) -> str:
         f"report: {result['report']}",
     ]
     return "\n".join(lines)
+
+
+def finish_lines(result: dict[str, Any]) -> list[str]:
+    """The finish predicted and found by further scans, and the concrete used; nothing without such a scan."""
+    predicted, achieved = result.get("predicted"), result.get("achieved", [])
+    if not achieved:
+        return []
+    runs = [result, *result.get("resprays", [])]
+    used, rows = 0.0, []
+    if predicted is not None:
+        rows.append(_finish_row("predicted", predicted, predicted["pumped_m3"]))
+    for number, (found, run) in enumerate(zip(achieved, runs, strict=False)):
+        used += run["concrete_m3"]["pumped"]
+        rows.append(_finish_row(f"sprayed again, {number}" if number else "achieved", found, used))
+    first = achieved[0]
+    return [
+        f"Finish of {first['area_m2']:.1f} m2 in patches, from a second scan",
+        table(
+            ["", f"within {first['tolerance_mm']:.0f} mm [%]", "too thin by [mm]", "std [mm]", "pumped [m3]"],
+            rows,
+        ),
+    ]
+
+
+def _finish_row(name: str, found: dict[str, Any], pumped: float) -> list[str]:
+    return [
+        name,
+        f"{100 * found['within_tolerance']:.1f}",
+        f"{found['thinnest_mm']:.0f}",
+        f"{found['finish_std_mm']:.1f}",
+        f"{pumped:.2f}",
+    ]

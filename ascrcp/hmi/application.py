@@ -60,6 +60,7 @@ def run(
     tell: Callable[[str], None] = tell_stderr,
     screen: Screen | None = None,
     gallery: bool = False,
+    resprays: int | None = None,
 ) -> int:
     """Show the window until it is closed; the session is closed with it.
 
@@ -71,6 +72,7 @@ def run(
         tell: Takes lines of progress: each step begun, failures, the outcome.
         screen: Configuration; None reads config/screen.yaml.
         gallery: Take the pictures of every page in both languages and themes.
+        resprays: So many further sprayings the autopilot makes at most; None: it does not scan again.
 
     Returns:
         0, or 1 if the autopilot's job or the screen itself failed.
@@ -92,12 +94,14 @@ def run(
     window.closed.connect(application.quit)
     if auto:
         camera = None if pictures is None else Gallery(window, session, pictures, is_whole=gallery)
-        Autopilot(window, screen, tell, camera).finished.connect(end)
+        Autopilot(window, screen, tell, camera, resprays).finished.connect(end)
     if offscreen or auto:
         window.resize(screen.size.width, screen.size.height)
         window.show()
     else:
         window.showMaximized()
+    if not auto:
+        window.joints_page.trend.make_soon()
     with _failures_end(tell, end):
         application.exec()
     window.shut_down()

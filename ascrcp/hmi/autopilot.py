@@ -1,4 +1,8 @@
-"""The automatic job without a hand on the screen: presses the same buttons, in the same order."""
+"""The automatic job without a hand on the screen: presses the same buttons, in the same order.
+
+After the run it scans the wall once more, to tell what was laid; if it may spray again, it goes on as long as
+the scan leads to another plan.
+"""
 
 import math
 from collections.abc import Callable
@@ -14,6 +18,10 @@ from ascrcp.hmi.theme import Screen
 from ascrcp.hmi.window import Window
 from ascrcp.session.snapshot import Snapshot
 from ascrcp.session.state import STEPS, Step
+
+SCAN_AGAIN = (Step.ZERO, Step.RESCAN)
+AGAIN = (Step.LOAD, Step.GO_TO_START, Step.RUN, *SCAN_AGAIN)
+"""What follows a run, and what follows a scan that has led to another plan."""
 
 MIDDLE = 0.5
 """Progress of the run at which a picture is taken."""
@@ -37,14 +45,29 @@ class Autopilot(QObject):
     finished = Signal(bool)
 
     def __init__(
-        self, window: Window, screen: Screen, tell: Callable[[str], None], gallery: Gallery | None
+        self,
+        window: Window,
+        screen: Screen,
+        tell: Callable[[str], None],
+        gallery: Gallery | None,
+        resprays: int | None = None,
     ) -> None:
-        """Args: tell: takes one line of progress; gallery: takes pictures, None for none."""
+        """Prepare to press.
+
+        Args:
+            window: The screen.
+            screen: Patience.
+            tell: Takes one line of progress.
+            gallery: Takes pictures, None for none.
+            resprays: So many further sprayings are asked for; None: not even the scan that measures.
+        """
         super().__init__(window)
         self._window, self._tell, self._gallery = window, tell, gallery
         self._patience = math.ceil(1000 * screen.autopilot.patience_s / screen.refresh_ms)
         self._reset_every = math.ceil(1000 * screen.autopilot.reset_every_s / screen.refresh_ms)
         self._wait = Wait.RESET
+        self._resprays = resprays
+        self._route = [*STEPS]
         self._index = 0
         self._idle = 0
         self._seen: tuple[object, ...] = ()
@@ -58,14 +81,14 @@ class Autopilot(QObject):
     @property
     def step(self) -> Step:
         """The step being worked on."""
-        return STEPS[self._index]
+        return self._route[self._index]
 
     def _follow(self, snapshot: Snapshot) -> None:
         if self._wait is Wait.OVER:
             return
         self._keep_failure(snapshot)
         if self._is_stuck(snapshot):
-            self._end(False, f"nothing changed for so long in {self._wait.value} of {self.step.value}")
+            self._give_up(f"nothing changed for so long in {self._wait.value} of {self.step.value}")
         elif self._wait is Wait.RESET:
             self._press_reset(snapshot)
         elif self._wait is Wait.START:
@@ -95,12 +118,12 @@ class Autopilot(QObject):
 
     def _press_step(self, snapshot: Snapshot) -> None:
         if snapshot.job.stopped:
-            self._end(False, self._explain(snapshot))
+            self._give_up(self._explain(snapshot))
             return
         button = self._window.steps.buttons[self.step]
         if not button.isEnabled():
             return
-        self._tell(f"{self._index + 1}/{len(STEPS)} {STEP_NAME[self.step][Language.EN]}")
+        self._tell(f"{self._index + 1}/{len(self._route)} {STEP_NAME[self.step][Language.EN]}")
         self._wait, self._was_active, self._last_failure = Wait.STEP, False, ""
         button.click()
 
@@ -111,14 +134,26 @@ class Autopilot(QObject):
             self._photograph_middle(snapshot)
             return
         if self.step in job.done:
-            self._take_picture(f"{self._index + 1:02d}_{self.step.value}")
-            if self._index + 1 == len(STEPS):
+            if self._index < len(STEPS) or self.step is Step.RESCAN:
+                self._take_picture(f"{self._index + 1:02d}_{self.step.value}")
+            self._go_on(snapshot)
+            if self._index + 1 == len(self._route):
                 self._finish()
             else:
                 self._index += 1
                 self._wait = Wait.START
         elif self._was_active or job.stopped or self._last_failure:
-            self._end(False, self._explain(snapshot))
+            self._give_up(self._explain(snapshot))
+
+    def _go_on(self, snapshot: Snapshot) -> None:
+        """Lengthen the route at its end, if there is anything more to do."""
+        job = snapshot.job
+        if self._resprays is None or not job.has_lidar or self._index + 1 < len(self._route):
+            return
+        if self.step is Step.RUN:
+            self._route += SCAN_AGAIN
+        elif not (job.sprayed or job.covered):  # the scan has led to a plan
+            self._route += AGAIN
 
     def _finish(self) -> None:
         self._wait = Wait.OVER
@@ -154,6 +189,14 @@ class Autopilot(QObject):
         except DeviceError as error:
             self._gallery = None
             self._end(False, str(error))
+
+    def _give_up(self, reason: str) -> None:
+        """End at a step that failed; what was asked for is sprayed when only its measure is missing."""
+        if self._resprays == 0 and self._index >= len(STEPS):
+            self._tell(f"{STEP_NAME[self.step][Language.EN]} failed: {reason}; the layer is not measured")
+            self._finish()
+        else:
+            self._end(False, reason)
 
     def _end(self, is_ok: bool, reason: str) -> None:
         if self._wait is Wait.OVER:

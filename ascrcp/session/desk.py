@@ -15,7 +15,7 @@ from ascrcp.session.outcome import Loaded
 from ascrcp.session.remote import Remote
 from ascrcp.session.state import Finding, Mode
 from ascrcp.session.steering import SteerOrder
-from ascrcp.session.store import write_json
+from ascrcp.session.store import read_json, write_json
 from ascrcp.session.trace import TraceCollector
 
 if TYPE_CHECKING:
@@ -180,7 +180,16 @@ class Desk:
         if not self.runs:
             return  # the disk refused it, and the operator was told
         first, *others = self.runs
-        brief = ("folder", "ok", "points", "nozzle_error_mm", "nozzle_error_deg", "concrete_m3", "timing_s")
+        brief = (
+            "folder",
+            "ok",
+            "points",
+            "nozzle_error_mm",
+            "nozzle_error_deg",
+            "predicted",
+            "concrete_m3",
+            "timing_s",
+        )
         self.result = {
             **first,
             "ok": all(run["ok"] for run in self.runs),
@@ -196,6 +205,7 @@ def describe_run(desk: Desk, judged: dict[str, Any]) -> dict[str, Any]:
     session = desk.session
     mode = session.snapshot().job.mode.value
     pump = session.setup.planning.process.spray.pump_m3_s
+    plan = read_json(desk.round.prediction) if desk.round.prediction.exists() else {}
     return {
         "points": {
             "planned": desk.planned,
@@ -207,6 +217,7 @@ def describe_run(desk: Desk, judged: dict[str, Any]) -> dict[str, Any]:
         "mode": mode,
         "folder": "" if desk.round is session.round else desk.round.folder.name,
         **judged,
+        "predicted": plan.get("driven"),
         "concrete_m3": {"pumped": desk.collector.pumped_s * pump, "truth": session.setup.concrete()},
         "timing_s": {name: desk.timing_s(name) for name in ("scan", "recognise", "plan", "solve", "run")},
         "lateness_ms": asdict(session.lateness),

@@ -13,10 +13,11 @@ from ascrcp.planning.table import read_path
 from ascrcp.planning.target import LEFT_TEXT
 from ascrcp.session import picture
 from ascrcp.session.evaluation import RULE_DEG, RULE_MM
+from ascrcp.session.finish_picture import FinishMap, finish_maps
 from ascrcp.session.layout_store import read_layout
 from ascrcp.session.plan_picture import spray_plan
 from ascrcp.session.round import Round
-from ascrcp.session.store import read_json, read_surface
+from ascrcp.session.store import read_archive, read_json, read_surface
 
 
 def build_report(folder: Path, progress: Any = None) -> Path:
@@ -50,6 +51,10 @@ def build_report(folder: Path, progress: Any = None) -> Path:
         tell(0.6)
         pictures["cloud"] = picture.cloud_and_path(surface, path, trace)
         tell(0.8)
+        maps = _finish_maps(round_)
+        if maps:
+            pictures["finish"] = finish_maps(surface, maps)
+        tell(0.9)
     if trace is not None:
         pictures["error"] = picture.nozzle_error(trace)
     for name, data in pictures.items():
@@ -68,6 +73,7 @@ def build_report(folder: Path, progress: Any = None) -> Path:
         rule={"mm": RULE_MM, "deg": RULE_DEG},
         pictures={name: base64.b64encode(data).decode() for name, data in pictures.items()},
         joints=_joint_rows(round_),
+        finish=_finish_rows(round_),
     )
     write_atomic(round_.report, lambda file: file.write(html.encode()))
     tell(1.0)
@@ -82,6 +88,35 @@ def _prediction(round_: Round) -> dict[str, Any] | None:
     found: dict[str, Any] = tree.get("driven", tree["planned"])
     left = {LEFT_TEXT.get(code, code): area for code, area in found["left_out_m2"].items()}
     return {**found, "again": tree["again"], "left_out_m2": left}
+
+
+def _finish_maps(round_: Round) -> list[FinishMap]:
+    """Collect the predicted map and those of the further scans; none without such a scan."""
+    maps: list[FinishMap] = []
+    if round_.plan.exists():
+        _, a = read_archive(round_.plan, "plan", ("station", "along", "growth", "finish"))
+        maps.append(FinishMap("predicted", a["station"], a["along"], a["growth"], a["finish"]))
+    scans = round_.rescans()
+    for number, scan in enumerate(scans):
+        _, a = read_archive(scan.achieved, "achieved", ("station", "along", "layer", "finish"))
+        title = f"achieved, sprayed {number + 1} times" if number else "achieved"
+        maps.append(FinishMap(title, a["station"], a["along"], a["layer"], a["finish"]))
+    return maps if scans else []
+
+
+def _finish_rows(round_: Round) -> list[dict[str, Any]]:
+    """Figures predicted and of every further scan, by the keys of plan.json; none without such a scan."""
+    scans = round_.rescans()
+    if not scans:
+        return []
+    rows = []
+    predicted = _prediction(round_)
+    if predicted is not None:
+        rows.append({"name": "predicted 预测", **predicted})
+    for number, scan in enumerate(scans, start=1):
+        name = f"achieved, sprayed {number} × 实测，喷射 {number} 次" if number > 1 else "achieved 实测"
+        rows.append({"name": name, **read_json(scan.finish)})
+    return rows
 
 
 def _length(points: np.ndarray) -> float:

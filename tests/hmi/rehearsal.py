@@ -19,7 +19,7 @@ from ascrcp.kinematics import load_arm
 from ascrcp.session import state
 from ascrcp.session.alarm_history import AlarmHistory
 from ascrcp.session.snapshot import Announcement, Lateness, Scene, Snapshot, WallLayer
-from ascrcp.session.state import JobState, Mode, Refusal, Step
+from ascrcp.session.state import Finding, JobState, Mode, Refusal, Step
 
 LAYOUTS = tuple(Codec(DBC).by_name.values())
 SCAN_POSE = np.array([0.0, np.radians(20), 0.5, np.radians(-10), 0.0, 0.5, np.radians(90), np.radians(120)])
@@ -116,6 +116,7 @@ class Rehearsal:
         self.messages: list[Announcement] = []
         self.drawn = Scene()
         self.history = AlarmHistory()
+        self.findings: list[Finding] = []
 
     def snapshot(self) -> Snapshot:
         self.moment += 1
@@ -253,5 +254,6 @@ class Rehearsal:
             return
         if step is Step.RECOGNISE:
             self.drawn = make_scene(self.drawn.version + 1)
-        self.job = state.finish(self.job)
+        is_led_on = step is Step.RESCAN and self.findings
+        self.job = state.finish(self.job, self.findings.pop(0) if is_led_on else Finding.MEASURED)
         self._announce(f"{step.value} done", f"{step.name} 完成")

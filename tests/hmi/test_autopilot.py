@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -14,7 +15,7 @@ from ascrcp.core.paths import CONFIG
 from ascrcp.hmi.application import choose_language, run
 from ascrcp.hmi.text import Language
 from ascrcp.hmi.theme import Screen
-from ascrcp.session.state import STEPS, Step
+from ascrcp.session.state import STEPS, Finding, Step
 
 PICTURES = ["00_ready", "01_zero", "02_recognise", "03_load", "04_go_to_start", "05_run", "05_run_middle"]
 
@@ -54,6 +55,56 @@ def test_a_failed_step_ends_with_its_reason(qapp: object, quick: Screen, tmp_pat
     assert "failed: No tunnel in the cloud" in lines[-1]
     assert session.closed == 1
     assert (tmp_path / "failed.png").is_file()
+
+
+def steps_of(session: Rehearsal) -> list[str]:
+    return [message.text[0].removesuffix(" done") for message in session.messages]
+
+
+def rehearse(session: Rehearsal, screen: Screen, resprays: int, lines: list[str] | None = None) -> int:
+    said = [] if lines is None else lines
+    return run(
+        session,
+        offscreen=True,
+        pictures=None,
+        auto=True,
+        tell=said.append,
+        screen=screen,
+        resprays=resprays,
+    )
+
+
+SCANNED = [*(step.value for step in STEPS), "zero", "rescan"]
+
+
+def test_after_the_run_the_wall_is_scanned_again(qapp: object, quick: Screen) -> None:
+    session = Rehearsal(ticks=2)
+    assert rehearse(session, quick, 0) == 0
+    assert steps_of(session) == SCANNED
+
+
+def test_it_sprays_again_while_the_scan_leads_to_a_plan(qapp: object, quick: Screen) -> None:
+    session = Rehearsal(ticks=2)
+    session.findings = [Finding.PLANNED, Finding.PLANNED, Finding.COVERED]
+    assert rehearse(session, quick, 5) == 0
+    assert steps_of(session) == SCANNED + 2 * ["load", "go_to_start", "run", "zero", "rescan"]
+
+
+def test_a_cloud_in_place_of_the_wall_is_not_scanned_again(qapp: object, quick: Screen) -> None:
+    session = Rehearsal(ticks=2)
+    session.job = replace(session.job, has_lidar=False)
+    assert rehearse(session, quick, 3) == 0
+    assert steps_of(session) == SCANNED[:5]
+
+
+@pytest.mark.parametrize(("resprays", "code"), [(0, 0), (1, 1)])
+def test_a_second_scan_that_fails_spoils_only_what_builds_on_it(
+    qapp: object, quick: Screen, resprays: int, code: int
+) -> None:
+    session, lines = Rehearsal(ticks=2, fail=Step.RESCAN), []
+    assert rehearse(session, quick, resprays, lines) == code
+    assert any("Scan again failed: No tunnel in the cloud" in line for line in lines)
+    assert Step.RUN.value in steps_of(session)
 
 
 def test_an_estop_that_stays_pressed_ends_the_wait(qapp: object, quick: Screen) -> None:
