@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rig_bench import Bench
 from tunnel_case import LIDAR
 
 from ascrcp.core.config import load
@@ -156,3 +157,41 @@ def test_the_lidar_sees_what_has_been_laid_and_says_what_became_of_it(
     assert np.nanmedian(np.abs(nearer)) < 2e-3, "and nowhere else"
     found = server.concrete()
     assert found["on_rock_m3"] + found["on_arches_m3"] > 0.5 * found["pumped_m3"] > 0.0
+
+
+def delivered(bench: Bench, record: NozzleRecord, seconds: float, **command: Any) -> float:
+    """Live on for some time; return what came out of the nozzle [m3]."""
+    volume = 0.0
+    for _ in range(round(seconds / CYCLE)):
+        bench.step(**command)
+        batch = record.add(bench.now_ns * 1e-9, bench.rig.true_nozzle(), bench.rig.flow, CYCLE)
+        volume += 0.0 if batch is None else float(batch[:, 7].sum())
+    return volume
+
+
+def test_only_a_pump_that_is_told_and_enabled_delivers() -> None:
+    with Bench().ready() as bench:
+        record = NozzleRecord(spray_truth())
+        assert delivered(bench, record, 2.0) == 0.0, "not told"
+        assert delivered(bench, record, 2.0, enable=False, pump=0.6) == 0.0, "told, but not enabled"
+        bench.ready()
+        flowing = delivered(bench, record, 10.0, pump=0.6) + delivered(bench, record, 6.0, pump=0.0)
+        assert flowing == pytest.approx(10.0 * 0.6 * PUMP, rel=0.03), "what the lag holds back it gives later"
+
+
+@pytest.mark.parametrize("how", ["estop", "silence", "disabled", "off"])
+def test_whatever_halts_the_pump_nothing_grows_once_the_hose_has_run_out(how: str) -> None:
+    with Bench().ready() as bench:
+        record = NozzleRecord(spray_truth())
+        delivered(bench, record, 4.0, pump=0.6)
+        if how == "estop":
+            bench.rig.press_estop()
+        command = {
+            "estop": {"pump": 0.6},
+            "silence": {"silent": True},
+            "disabled": {"enable": False, "pump": 0.6},
+            "off": {"pump": 0.0},
+        }[how]
+        tail = delivered(bench, record, 6.0, **command)
+        assert tail < 2.0 * 0.6 * PUMP, "a batch not yet full, and the time constant of pump and hose"
+        assert delivered(bench, record, 5.0, **command) == 0.0
