@@ -22,7 +22,7 @@ STALE = "▲"
 
 WIDEST = ("", f"{STALE} 2200 mm", "2200 mm", "-800 mm", "+100 %", "0…2200 mm", "■ near end")
 """Widest text of each column after the first, which takes what is left."""
-PADDING_PX = 15
+PADDING_PX = 16
 
 NEAR_LIMIT = 0.03
 """Share of a joint's range at its ends in which it counts as near its limit; placeholder."""

@@ -99,10 +99,9 @@ class JointsPage(Page):
             set_text(self.name, say("trend_tip_title", self.language))
 
     def _curves(self, now_s: float) -> Curves:
-        span = self._recorder.span_s
         if self._chosen == len(self._joints):
             unit = quantity.TIP_ERROR_MM
-            return Curves(self.name.text(), unit, self._recorder.tip(), [], now_s, span)
+            return Curves(self.name.text(), unit, self._recorder.tip(), [], now_s)
         actual, target = self._recorder.joint(self._chosen)
         unit = quantity.LENGTH if self._joints[self._chosen].prismatic else quantity.ANGLE
-        return Curves(self.name.text(), unit, actual, target, now_s, span)
+        return Curves(self.name.text(), unit, actual, target, now_s)

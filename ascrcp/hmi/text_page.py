@@ -80,7 +80,6 @@ PAGE_TEXT: dict[str, tuple[str, str]] = {
     "late_missed": ("Missed", "丢失周期"),
     "ago": ("{value} ago", "{value} 前"),
     "never": ("never", "从未"),
-    "trend_span": ("last {time}", "最近 {time}"),
     "trend_actual": ("actual", "实际"),
     "trend_target": ("target", "目标"),
     "trend_tip_title": ("Nozzle error", "喷头误差"),

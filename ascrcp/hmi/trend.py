@@ -1,25 +1,32 @@
 """Trends of the last minutes: values noted at every refresh, drawn a few times a second."""
 
 import math
+import threading
 from collections import deque
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from PySide6.QtCore import QLineF, QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QFont, QPainter, QPaintEvent, QPen, QPolygonF
-from PySide6.QtWidgets import QWidget
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout
 
-from ascrcp.hmi.quantity import Quantity, show_duration
+from ascrcp.hmi.panel import Panel, make_label, set_text
+from ascrcp.hmi.quantity import Quantity
 from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen
 from ascrcp.session.snapshot import Snapshot
 
+if TYPE_CHECKING:
+    from ascrcp.hmi.trend_plot import TrendPlot
+
 SAMPLES = 360
 """Values kept of each: more could not be told apart on the panel."""
-TEXT_PX = 15
-LEFT_PX, BOTTOM_PX, TOP_PX = 78, 24, 26
-LEAST_SPAN = 1e-3
-"""Smallest range of the vertical axis [rad, m, mm]: a joint at rest is a line, not noise."""
-TICKS = 3
+INTERVALS = 4
+"""Of the vertical axis, about."""
+STEPS = (1.0, 2.0, 5.0, 10.0)
+KEPT = 3.0
+"""The axis is left as it is until the values would fill less than this part of it, or leave it."""
+LEGEND_PX = 170
+LOOK_MS = 50
 
 
 class Recorder:
@@ -39,6 +46,8 @@ class Recorder:
             self.rows.clear()  # another session
         if self.rows and t - self.rows[-1][0] < self._step_s:
             return False
+        while self.rows and t - self.rows[0][0] > self.span_s:
+            self.rows.popleft()
         self.rows.append((t, snapshot.q, snapshot.q_target, snapshot.tip_error_mm))
         return True
 
@@ -62,7 +71,6 @@ class Curves:
         unit: How the values are shown.
         actual, target: Points (time [s], value); NaN breaks a line.
         now_s: Right end of the axis [s].
-        span_s: Its length [s].
     """
 
     title: str
@@ -70,107 +78,119 @@ class Curves:
     actual: list[tuple[float, float]]
     target: list[tuple[float, float]]
     now_s: float
-    span_s: float
 
 
-def value_range(curves: Curves) -> tuple[float, float]:
-    """Return the ends of the vertical axis: all values with a little room."""
+@dataclass(frozen=True)
+class Axis:
+    """The vertical axis, in shown units: round ends and round steps.
+
+    Attributes:
+        low, high: Its ends.
+        step: From one line to the next.
+    """
+
+    low: float
+    high: float
+    step: float
+
+    def ticks(self) -> list[float]:
+        """Return where its lines are."""
+        return [self.low + k * self.step for k in range(round((self.high - self.low) / self.step) + 1)]
+
+
+def find_axis(curves: Curves, before: Axis | None = None) -> Axis:
+    """Return an axis that shows all values; the one before while it still suits, so that it stands still."""
     values = [v for _, v in (*curves.actual, *curves.target) if math.isfinite(v)]
-    if not values:
-        return 0.0, 1.0
-    low, high = min(values), max(values)
-    room = max(0.1 * (high - low), LEAST_SPAN / curves.unit.scale * 10)
-    return low - room, high + room
+    unit = curves.unit
+    least = 10.0**-unit.decimals  # of the shown number: a joint at rest is a line, not noise
+    low, high = (unit.scale * min(values), unit.scale * max(values)) if values else (0.0, least)
+    wide = KEPT * max(high - low, INTERVALS * least)
+    if before is not None and before.low <= low and high <= before.high <= before.low + wide:
+        return before
+    rough = max((high - low) / INTERVALS, least)
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(s * power for s in STEPS if s * power >= rough * (1.0 - 1e-9))
+    first, last = math.floor(low / step), math.ceil(high / step)
+    return Axis(first * step, max(last, first + 2) * step, step)
 
 
-class TrendView(QWidget):
-    """Two curves with their axes, painted by hand: cheaper than a plot widget."""
+class TrendView(Panel):
+    """Title and legend above the plot; the plot itself is made when it is first drawn, or before.
+
+    Its library takes 0.2 s to load, the plot 20 ms to make: an application does both right after its
+    start (`make_soon`), while nothing moves.
+    """
 
     def __init__(self, screen: Screen) -> None:
         super().__init__()
-        self.setObjectName("trend")
-        self._screen, self._language = screen, Language.EN
-        self._curves: Curves | None = None
+        self._screen = screen
+        self._plot: TrendPlot | None = None
+        self._loading: threading.Thread | None = None
+        self.title = make_label("title")
+        self.legend = QLabel()
+        self.legend.setTextFormat(Qt.TextFormat.RichText)
+        self.legend.setProperty("role", "small")
+        self.legend.setAlignment(Qt.AlignmentFlag.AlignRight)
+        self.legend.setWordWrap(True)
+        self.legend.setFixedWidth(LEGEND_PX)
+        row = QHBoxLayout()
+        row.addWidget(self.title, 1)
+        row.addWidget(self.legend)
+        self._column = QVBoxLayout(self)
+        self._column.setContentsMargins(6, 2, 4, 0)
+        self._column.setSpacing(0)
+        self._column.addLayout(row)
+        self._column.addStretch()
 
     def set_language(self, language: Language) -> None:
         """Write the legend in a language."""
-        self._language = language
-        self.update()
+        super().set_language(language)
+        chart = self._screen.look.chart
+        entries = (("trend_actual", chart.actual, "━"), ("trend_target", chart.target, "╍"))
+        self.legend.setText(
+            "&nbsp;&nbsp;".join(
+                f'<span style="color:{colour}">{mark}</span> {say(key, language)}'
+                for key, colour, mark in entries
+            )
+        )
 
     def set_theme(self, screen: Screen) -> None:
         """Take a theme's colours."""
         self._screen = screen
-        self.update()
+        self.set_language(self.language)
+        if self._plot is not None:
+            self._plot.set_theme(screen)
 
     def draw(self, curves: Curves) -> None:
         """Take other curves."""
-        self._curves = curves
-        self.update()
+        set_text(self.title, curves.title)
+        self._make().draw(curves)
 
-    def paintEvent(self, event: QPaintEvent) -> None:  # noqa: N802
-        """Paint axes, curves and legend."""
-        look = self._screen.look
-        painter = QPainter(self)
-        painter.fillRect(self.rect(), QColor(look.colours.void))
-        font = QFont(self.font())
-        font.setPixelSize(TEXT_PX)
-        painter.setFont(font)
-        curves = self._curves
-        if curves is not None:
-            area = QRectF(LEFT_PX, TOP_PX, self.width() - LEFT_PX - 10, self.height() - TOP_PX - BOTTOM_PX)
-            low, high = value_range(curves)
-            self._draw_axes(painter, area, curves, low, high)
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            for points, colour, width, style in (
-                (curves.target, look.chart.target, 2, Qt.PenStyle.DashLine),
-                (curves.actual, look.chart.actual, 2, Qt.PenStyle.SolidLine),
-            ):
-                painter.setPen(QPen(QColor(colour), width, style))
-                self._draw_curve(painter, area, curves, points, low, high)
-        painter.end()
+    def make_soon(self) -> None:
+        """Load the library in a thread, then make the plot."""
+        if self._loading is None:
+            self._loading = threading.Thread(target=load_plot, name="ascrcp-plot", daemon=True)
+            self._loading.start()
+        if self._loading.is_alive():
+            QTimer.singleShot(LOOK_MS, self, self.make_soon)
+        else:
+            self._make()
 
-    def _draw_axes(self, painter: QPainter, area: QRectF, curves: Curves, low: float, high: float) -> None:
-        look, language = self._screen.look, self._language
-        right = Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter
-        for tick in range(TICKS):
-            share = tick / (TICKS - 1)
-            y = area.bottom() - share * area.height()
-            painter.setPen(QPen(QColor(look.chart.grid), 1))
-            painter.drawLine(QLineF(area.left(), y, area.right(), y))
-            painter.setPen(QColor(look.colours.text))
-            painter.drawText(
-                QRectF(0, y - 11, LEFT_PX - 6, 22), right, curves.unit.show(low + share * (high - low))
-            )
-        span = say("trend_span", language).format(time=show_duration(curves.span_s))
-        painter.drawText(QRectF(area.left(), area.bottom() + 2, area.width(), BOTTOM_PX), right, span)
-        left = Qt.AlignmentFlag.AlignLeft | Qt.AlignmentFlag.AlignVCenter
-        painter.drawText(QRectF(8, 0, area.width(), TOP_PX), left, curves.title)
-        legend = [("trend_actual", look.chart.actual, "━")]
-        if curves.target:
-            legend.append(("trend_target", look.chart.target, "╍"))
-        x = self.width() - 10.0
-        for key, colour, mark in reversed(legend):
-            text = f"{mark} {say(key, language)}"
-            wide = painter.fontMetrics().horizontalAdvance(text) + 16
-            x -= wide
-            painter.setPen(QColor(colour))
-            painter.drawText(QRectF(x, 0, wide, TOP_PX), left, text)
+    def close_loading(self) -> None:
+        """Wait for the thread, if there is one: it may not outlive the window."""
+        if self._loading is not None:
+            self._loading.join()
 
-    def _draw_curve(
-        self,
-        painter: QPainter,
-        area: QRectF,
-        curves: Curves,
-        points: list[tuple[float, float]],
-        low: float,
-        high: float,
-    ) -> None:
-        across, up = area.width() / curves.span_s, area.height() / (high - low)
-        begin = curves.now_s - curves.span_s
-        piece: list[QPointF] = []
-        for t, value in (*points, (math.nan, math.nan)):
-            if math.isfinite(value) and t >= begin:
-                piece.append(QPointF(area.left() + across * (t - begin), area.bottom() - up * (value - low)))
-            elif piece:
-                painter.drawPolyline(QPolygonF(piece))
-                piece = []
+    def _make(self) -> "TrendPlot":
+        if self._plot is None:
+            self._plot = load_plot()(self._screen)
+            self._column.takeAt(self._column.count() - 1)
+            self._column.addWidget(self._plot.widget, 1)
+        return self._plot
+
+
+def load_plot() -> "type[TrendPlot]":
+    """Load the plot and its library."""
+    from ascrcp.hmi.trend_plot import TrendPlot
+
+    return TrendPlot

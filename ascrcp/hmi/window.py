@@ -77,6 +77,8 @@ class Window(QWidget):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)  # or the first button would look chosen
         self.setFocus()
         self.setMinimumSize(screen.size.width, screen.size.height)
+        for page in self.pages:
+            page.set_language(language)
         self.set_language(language)
         self._chores.finish()
         self.show_page(self.automatic.key)
@@ -193,6 +195,7 @@ class Window(QWidget):
         self._stop_motion()
         self._session.close()
         self.preparation.close()
+        self.joints_page.trend.close_loading()
         self.automatic.scene.canvas.painter.close()
         self.closed.emit()
 

@@ -18,10 +18,11 @@ from slot_times import measure
 from ascrcp.hmi.health_panel import bus_load
 from ascrcp.hmi.joint_table import joint_state
 from ascrcp.hmi.playback import pose_at
+from ascrcp.hmi.quantity import ANGLE, LENGTH, TIP_ERROR_MM, Quantity
 from ascrcp.hmi.status_panel import FrozenWatch, platform_state
 from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen, colour_scale, rgb
-from ascrcp.hmi.trend import SAMPLES, Recorder
+from ascrcp.hmi.trend import KEPT, SAMPLES, Curves, Recorder, find_axis
 from ascrcp.hmi.wall_map import WallView, paint_values
 from ascrcp.hmi.window import Window
 from ascrcp.kinematics import load_arm
@@ -215,6 +216,46 @@ def test_trend_keeps_its_span_and_no_more() -> None:
     actual, target = recorder.joint(3)
     assert actual[-1][0] - actual[0][0] >= 170.0
     assert all(t == value for t, value in actual) and len(actual) == len(target)
+
+
+VALUES = st.lists(st.floats(-3.0, 3.0) | st.just(math.nan), max_size=30)
+
+
+@given(VALUES, VALUES, st.sampled_from([ANGLE, LENGTH, TIP_ERROR_MM]))
+def test_trend_axis_has_room_for_every_value_and_round_lines(
+    first: list[float], then: list[float], unit: Quantity
+) -> None:
+    axis = None
+    for values in (first, then):
+        curves = Curves("", unit, list(enumerate(values)), [], len(values))
+        axis = find_axis(curves, axis)
+        for value in values:
+            assert not math.isfinite(value) or axis.low <= unit.scale * value <= axis.high
+        ticks = axis.ticks()
+        assert ticks[-1] == pytest.approx(axis.high) and 2 <= len(ticks) - 1 <= 3 * KEPT
+        assert len({unit.show(tick / unit.scale) for tick in ticks}) == len(ticks), "no number twice"
+        assert find_axis(curves, axis) == axis
+
+
+def test_trend_plot_shows_the_last_minutes(open_window: Opener, screen: Screen) -> None:
+    session = Rehearsal(ticks=9999)
+    session.reset()
+    window = open_window(session)
+    page = window.joints_page
+    page.trend.make_soon()
+    page.trend.close_loading()
+    window.show_page("joints")
+    for k in range(200):
+        session.more = {"t_s": float(k), "q": (0.001 * k,) * 8}
+        window.refresh()
+    window.refresh()
+    plot = page.trend._plot
+    assert plot is not None and plot.widget.isVisible()
+    t, shown = plot._actual.getData()
+    assert t[-1] == pytest.approx(0.0, abs=5.0) and t[0] >= -screen.trend_s
+    assert shown[-1] == pytest.approx(math.degrees(0.001 * (t[-1] + 199)), abs=0.1)
+    low, high = plot._box.viewRange()[1]
+    assert low < shown.min() and shown.max() < high
 
 
 def test_joint_states_in_words() -> None:
