@@ -140,6 +140,7 @@ def test_every_page_is_written_when_it_is_first_shown(open_window: Opener, langu
     window = open_window(ready(2), language)
     for page in window.pages:
         window.show_page(page.key)
+        window.refresh()
         blank = [b.objectName() for b in page.findChildren(QAbstractButton) if b.isVisible() and not b.text()]
         assert blank == [], page.key
 
