@@ -83,7 +83,8 @@ def measure_achieved(
             f"the scan shows {100 * share:.0f} % of the wall of the first one, "
             f"needed {100 * survey.registration.min_share:.0f} %"
         )
-    layer = target.offset - after
+    beyond = target.station > first.unsprayed[1]  # of the face nobody knows how far it was
+    layer = np.where(beyond[:, None], np.nan, target.offset - after)
     finish = judge_finish(after, target, layout, config)
     noise = measure_thickness(first.points, moved, first, survey.thickness)
     figures = {

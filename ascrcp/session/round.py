@@ -70,13 +70,15 @@ class Round:
         return [Round(self.folder / name) for name in self.manifest().get("rescans", [])]
 
     def begin_rescan(self) -> "Round":
-        """Make the folder of a further scan, and of what is planned and sprayed after it; none is reused.
+        """Make the folder of a further scan, and of what is planned and sprayed after it.
+
+        None is reused but one in which a scan was given up before it had anything to keep.
 
         Raises:
             InputError: It cannot be made.
         """
         number = 1
-        while (place := self.folder / f"{RESCAN}-{number}").exists():
+        while (place := self.folder / f"{RESCAN}-{number}").is_dir() and any(place.iterdir()):
             number += 1
         make_folder(place)
         return Round(place)

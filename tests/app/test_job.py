@@ -93,9 +93,27 @@ def test_round_folder_holds_every_stage(result: dict[str, Any], round_folder: Pa
         steps = base.execute("SELECT code, detail FROM event WHERE kind = 'step'").fetchall()
     assert steps == [
         (step, what)
-        for step in ("zero", "recognise", "load", "go_to_start", "run")
+        for step in ("zero", "recognise", "load", "go_to_start", "run", "zero", "rescan")
         for what in ("started", "done")
     ]
+
+
+def test_the_wall_has_grown_and_a_second_scan_measures_it(
+    jobs: list[dict[str, Any]], round_folder: Path
+) -> None:
+    first, again = jobs
+    concrete, (achieved,) = first["concrete_m3"], first["achieved"]
+    truth = concrete["truth"]
+    assert truth["pumped_m3"] > 0.5
+    assert abs(concrete["pumped"] - truth["pumped_m3"]) < 0.04 * truth["pumped_m3"], (
+        "the pump's stray, and the lag"
+    )
+    on_wall = truth["on_rock_m3"] + truth["on_arches_m3"]
+    assert 0.5 * on_wall < achieved["laid_m3"] < 1.05 * on_wall, (
+        "what lies beside the part to spray is not counted"
+    )
+    assert (round_folder / "rescan-1" / "achieved.npz").exists() and first["resprays"] == []
+    assert again["achieved"] == first["achieved"] and again["concrete_m3"] == concrete, "the seed decides"
 
 
 def test_recognised_heading_matches_the_truth(result: dict[str, Any], round_folder: Path) -> None:
@@ -121,7 +139,7 @@ def test_pictures_show_something_at_every_step(result: dict[str, Any]) -> None:
 
 def test_report_is_one_page_with_the_error_table(result: dict[str, Any]) -> None:
     page = Path(result["report"]).read_text()
-    assert page.count("data:image/png;base64,") == 4
+    assert page.count("data:image/png;base64,") == 5
     for text in ("SIMULATION", "Nozzle error", f"{result['nozzle_error_mm']['mean']:.1f}", "arch 钢拱"):
         assert text in page
     words = re.sub(r"base64,[^\"]*", "", page)  # a picture may hold any letters

@@ -1,0 +1,97 @@
+"""The loop on the real rig in lockstep: scanned again after a run, stopped meanwhile, and what is kept."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ascrcp.app import Options, open_session
+from ascrcp.core.errors import RefusedError
+from ascrcp.core.flow import JointSequence
+from ascrcp.planning.table import read_joints, write_joints
+from ascrcp.session.session import Session
+from ascrcp.session.state import Refusal, Step
+
+SMALL = Path(__file__).parents[1] / "app" / "small.yaml"
+SPRAYED_S = 25.0  # of the plan that are sprayed here: a few square metres
+FIRST = ("scan.npz", "surface.npz", "path.csv", "joints.csv", "trace.npz", "features.json")
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
+    """A session that has sprayed the first part of its plan, with no further spraying to plan."""
+    folder = tmp_path_factory.mktemp("loop")
+    options = Options(rig=SMALL, seed=5, planner="thesis", resprays=0)
+    opened = open_session(options, folder / "round", folder)
+    opened.reset_and_wait(30.0)
+    do(opened, Step.ZERO, Step.RECOGNISE)
+    joints = opened.round.joints
+    write_joints(joints, shorten(read_joints(joints), SPRAYED_S), opened.arm.prismatic)
+    do(opened, Step.LOAD, Step.GO_TO_START, Step.RUN)
+    yield opened
+    opened.close()
+
+
+def shorten(sequence: JointSequence, spraying_s: float) -> JointSequence:
+    """The first part of a sequence, ended where the arm is at rest."""
+    done = np.cumsum(np.append(np.diff(sequence.t), 0.0) * sequence.spraying)
+    last = int(np.argmax((done > spraying_s) & ~sequence.spraying))
+    names = ("t", "q", "position", "direction", "point", "spraying", "flow")
+    return replace(sequence, **{name: getattr(sequence, name)[: last + 1] for name in names})
+
+
+def do(session: Session, *steps: Step) -> None:
+    for step in steps:
+        session.start(step)
+        session.wait()
+        assert step in session.snapshot().job.done, session.snapshot().announcements
+
+
+def content(session: Session) -> dict[str, bytes]:
+    return {name: (session.round.folder / name).read_bytes() for name in FIRST}
+
+
+def test_the_loop_on_the_rig(session: Session) -> None:
+    """One story, for each part of it costs seconds: refusals, a stop in the scan, the scan, what it found."""
+    before = content(session)
+    assert session.refusal(Step.RESCAN) is Refusal.NEEDS_ZERO
+    with pytest.raises(RefusedError):
+        session.start(Step.RESCAN)
+    do(session, Step.ZERO)
+
+    # stopped in the middle of the scan: latched, nothing kept of it, and the scan may be repeated
+    session.start(Step.RESCAN)
+    session.stop()
+    session.wait()
+    job = session.snapshot().job
+    assert job.stopped and job.active is None and Step.RESCAN not in job.done
+    assert session.refusal(Step.RESCAN) is Refusal.STOPPED
+    assert session.round.rescans() == [] and session.scene().achieved is None
+    assert list((session.round.folder / "rescan-1").iterdir()) == []
+    session.reset_and_wait(30.0)
+    do(session, Step.ZERO, Step.RESCAN)
+
+    (found,) = session.round.rescans()
+    assert found.folder.name == "rescan-1"
+    for place in (found.scan, found.surface, found.achieved, found.finish, found.cloud):
+        assert place.exists()
+    assert content(session) == before, "the first spraying's files stay as they were"
+    assert not found.path.exists(), "no further spraying was asked for"
+
+    truth = session.setup.concrete()
+    assert truth["pumped_m3"] > 0.02
+    layer = session.scene().achieved
+    assert layer is not None and layer.figures["too_thin"] > 0.3, "most of the wall waits"
+    on_wall = truth["on_rock_m3"] + truth["on_arches_m3"]
+    laid = layer.figures["laid_m3"]
+    assert laid == pytest.approx(on_wall, rel=0.15), "what lies before the part to spray is not counted"
+    assert session.desk.result["achieved"][0]["folder"] == found.folder.name
+    assert "Finish" in session.round.report.read_text()
+
+    # asked again it goes into a folder of its own
+    assert session.refusal(Step.RESCAN) is None
+    do(session, Step.RESCAN)
+    assert len(session.round.rescans()) == 2
+    assert session.setup.concrete() == truth, "scanning lays nothing"
