@@ -43,6 +43,21 @@ PAGE_TEXT: dict[str, tuple[str, str]] = {
     "wall_crown": ("crown", "拱顶"),
     "wall_face": ("station [m], face at the top", "里程 [m]，上方为掌子面"),
     "wall_no_layer": ("The round holds no such map", "本循环无此图"),
+    "finish": (
+        "{share:.1f} % of {area:.1f} m² within tolerance; at most {thin:.0f} mm too thin,"
+        " {thick:.0f} mm too thick",
+        "{area:.1f} m² 中 {share:.1f} % 达标；最大欠厚 {thin:.0f} mm，最大超厚 {thick:.0f} mm",
+    ),
+    "finish_pumped": ("; {volume:.2f} m³ pumped", "；泵送 {volume:.2f} m³"),
+    "finish_left": ("left out: ", "未喷："),
+    # why part of the wall is left out, by the code of planning.target.Left
+    "left_unseen": ("not seen by the scan", "扫描未见"),
+    "left_floor": ("nozzle too near the floor", "喷头距地面过近"),
+    "left_arm": ("the arm does not reach it clear of everything", "机械臂无法安全到达"),
+    "left_shadow": ("in the shadow of an arch", "被钢拱遮挡"),
+    "left_before": ("muck or something else before the wall", "壁前有堆渣或他物"),
+    "left_steep": ("flank too steep for the jet", "凹坑侧壁过陡"),
+    "left_edge": ("beyond the outermost passes", "超出最外侧喷道"),
     "section_title": ("Section at {station}", "里程 {station} 断面"),
     "section_back": ("− station", "− 里程"),
     "section_on": ("+ station", "+ 里程"),

@@ -11,10 +11,13 @@ from ascrcp.hmi.preparation import Prepared
 from ascrcp.hmi.section_view import SectionView
 from ascrcp.hmi.text import Language, say
 from ascrcp.hmi.theme import Screen
+from ascrcp.hmi.wall_figures import describe_layer
 from ascrcp.hmi.wall_map import WallMap
 from ascrcp.session.snapshot import Snapshot
 
 LAYERS = ("offset", "predicted", "achieved")
+FIGURES_PX = 84
+"""Four lines below the map [px], so that it keeps its size whatever they say."""
 
 
 class WallPage(Page):
@@ -27,21 +30,18 @@ class WallPage(Page):
         self._step = screen.view.section_step_m
         self._range = (math.nan, math.nan)
         self._follows = False
+        self._layer = LAYERS[0]
         self.map = WallMap(screen)
         self.section = SectionView(screen)
         self.layers: dict[str, QPushButton] = {}
         left, right = Panel(), Panel()
         column = QVBoxLayout(left)
         column.setContentsMargins(4, 4, 4, 4)
-        row = QHBoxLayout()
-        for name in LAYERS:
-            button = make_button("view", name=f"wall_{name}", checkable=True)
-            button.clicked.connect(lambda _=False, name=name: self._choose_layer(name))
-            button.setEnabled(False)
-            row.addWidget(button, 1)
-            self.layers[name] = button
-        column.addLayout(row)
+        column.addLayout(self._make_layers())
         column.addWidget(self.map, 1)
+        self.figures = make_label("small", wrap=True)
+        self.figures.setFixedHeight(FIGURES_PX)
+        column.addWidget(self.figures)
         other = QVBoxLayout(right)
         other.setContentsMargins(4, 4, 4, 4)
         self.title = make_label("title", centred=True)
@@ -67,6 +67,16 @@ class WallPage(Page):
         self.map.chosen.connect(self._touch)
         self._choose_layer("offset")
 
+    def _make_layers(self) -> QHBoxLayout:
+        row = QHBoxLayout()
+        for name in LAYERS:
+            button = make_button("view", name=f"wall_{name}", checkable=True)
+            button.clicked.connect(lambda _=False, name=name: self._choose_layer(name))
+            button.setEnabled(False)
+            row.addWidget(button, 1)
+            self.layers[name] = button
+        return row
+
     def set_language(self, language: Language) -> None:
         """Write the fixed texts in a language."""
         super().set_language(language)
@@ -78,6 +88,7 @@ class WallPage(Page):
         self.at_nozzle.setText(say("section_nozzle", language))
         self.on.setText(say("section_on", language))
         self._write_title()
+        self._write_figures()
 
     def set_theme(self, screen: Screen) -> None:
         """Take a theme's colours."""
@@ -91,6 +102,7 @@ class WallPage(Page):
         surface = prepared.scene.surface
         for name, button in self.layers.items():
             button.setEnabled(self.map.layer(name) is not None)
+        self._write_figures()
         if surface is None or not len(surface.station):
             return
         self._range = (float(surface.station[0]), float(surface.station[-1]))
@@ -107,6 +119,8 @@ class WallPage(Page):
         self.map.choose_layer(name)
         for key, button in self.layers.items():
             button.setChecked(key == name)
+        self._layer = name
+        self._write_figures()
 
     def _touch(self, station: float) -> None:
         self._follow(False)
@@ -128,6 +142,10 @@ class WallPage(Page):
         self.map.choose_station(station)
         self.section.choose_station(station)
         self._write_title()
+
+    def _write_figures(self) -> None:
+        layer = self.map.layer(self._layer)
+        set_text(self.figures, "" if layer is None else describe_layer(layer.figures, self.language))
 
     def _write_title(self) -> None:
         station = quantity.STATION.show(self.map.station)
