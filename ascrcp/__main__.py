@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from ascrcp.cli import parser
 from ascrcp.cli.dispatch import find_command
 from ascrcp.cli.output import Output, guarded
+from ascrcp.core.ending import Ending, interrupted_by_terminate
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -25,7 +26,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(options: parser.Options, output: Output) -> int:
     if options.command is not None:
-        return find_command(options.command)(options, output)
+        with interrupted_by_terminate():
+            return find_command(options.command)(options, output)
+    with Ending() as ending:
+        code = _show(options, output, ending)
+        ending.check()
+    return code
+
+
+def _show(options: parser.Options, output: Output, ending: Ending) -> int:
+    """Open the screen, by hand or for the whole automatic job."""
     has_display = bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
     offscreen = options.offscreen or (sys.platform.startswith("linux") and not has_display)
     if offscreen and not options.offscreen:
@@ -33,9 +43,10 @@ def _run(options: parser.Options, output: Output) -> int:
     from ascrcp.cli import drive  # not for a command that needs neither session nor Qt
     from ascrcp.hmi import application
 
+    ending.check()
     session = drive.open_session(options, lockstep=offscreen, resprays=options.respray if offscreen else None)
     if not offscreen:
-        return application.run(session, offscreen=False, pictures=options.pictures, auto=False)
+        return application.run(session, offscreen=False, pictures=options.pictures, auto=False, ending=ending)
     pictures = options.pictures or session.round.pictures
     with output.progress(session) as tell:
         code = application.run(
@@ -46,7 +57,9 @@ def _run(options: parser.Options, output: Output) -> int:
             tell=tell,
             gallery=options.pictures is not None,
             resprays=options.respray,
+            ending=ending,
         )
+    ending.check()
     return drive.finish_job(session, output, code)
 
 

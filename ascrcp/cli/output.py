@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from ascrcp.core.errors import AscrcpError, InputError
+from ascrcp.core.errors import AscrcpError, EndedError, InputError
 from ascrcp.session.store import encode_json
 
 if TYPE_CHECKING:
@@ -82,6 +82,8 @@ def guarded(output: Output, action: Callable[[], int]) -> int:
         return action()
     except InputError as error:
         return _refuse(output, error, BAD_INPUT)
+    except EndedError as error:
+        return _refuse(output, error, error.exit_code)
     except AscrcpError as error:
         return _refuse(output, error, FAILED)
     except KeyboardInterrupt:

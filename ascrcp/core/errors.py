@@ -1,5 +1,7 @@
 """The one tree of errors: what was wrong, where, and what is allowed."""
 
+import signal
+
 
 class AscrcpError(Exception):
     """Base of every error this project raises on purpose; the message is one clear line."""
@@ -31,6 +33,18 @@ class RefusedError(AscrcpError):
 
 class CancelledError(AscrcpError):
     """A job the operator cancelled. Nothing half-written remains."""
+
+
+class EndedError(AscrcpError):
+    """A signal asked the program to end; what it was doing is stopped in order.
+
+    Attributes:
+        exit_code: 128 and the signal's number, as shells count it.
+    """
+
+    def __init__(self, number: signal.Signals) -> None:
+        super().__init__(f"ended by {number.name}")
+        self.exit_code = 128 + number
 
 
 class DefectError(AscrcpError):

@@ -11,6 +11,8 @@ from types import TracebackType
 from PySide6.QtCore import QCoreApplication, Qt
 from PySide6.QtWidgets import QApplication
 
+from ascrcp.core.ending import Ending
+from ascrcp.core.errors import InputError
 from ascrcp.hmi.autopilot import Autopilot
 from ascrcp.hmi.contract import Session
 from ascrcp.hmi.gallery import Gallery
@@ -61,6 +63,7 @@ def run(
     screen: Screen | None = None,
     gallery: bool = False,
     resprays: int | None = None,
+    ending: Ending | None = None,
 ) -> int:
     """Show the window until it is closed; the session is closed with it.
 
@@ -73,17 +76,20 @@ def run(
         screen: Configuration; None reads config/screen.yaml.
         gallery: Take the pictures of every page in both languages and themes.
         resprays: So many further sprayings the autopilot makes at most; None: it does not scan again.
+        ending: Tells when a signal asks to end: the motion is stopped, then the window closes.
 
     Returns:
-        0, or 1 if the autopilot's job or the screen itself failed.
+        0, or 1 if the autopilot's job or the screen itself failed, or a signal ended it.
+
+    Raises:
+        InputError: The folder for pictures cannot be made; the session is closed.
     """
+    _make_folder(pictures, session)
     screen = screen or load_screen()
     application = make_application()
     has_chinese = apply_theme(application, screen)
     if not has_chinese:
         tell(NO_FONT)
-    if pictures is not None:
-        pictures.mkdir(parents=True, exist_ok=True)
     window = Window(session, screen, choose_language(screen, has_chinese))
     outcome = [0]
 
@@ -91,7 +97,12 @@ def run(
         outcome[0] = 0 if is_ok else 1
         window.close()
 
+    def look(snapshot: object) -> None:
+        if ending is not None and ending.is_asked:
+            end(False)
+
     window.closed.connect(application.quit)
+    window.refreshed.connect(look)
     if auto:
         camera = None if pictures is None else Gallery(window, session, pictures, is_whole=gallery)
         Autopilot(window, screen, tell, camera, resprays).finished.connect(end)
@@ -107,6 +118,16 @@ def run(
     window.shut_down()
     window.deleteLater()
     return outcome[0]
+
+
+def _make_folder(folder: Path | None, session: Session) -> None:
+    if folder is None:
+        return
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        session.close()
+        raise InputError(f"{folder}: no folder for pictures can be made: {error.strerror or error}") from None
 
 
 @contextmanager

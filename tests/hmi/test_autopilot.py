@@ -11,6 +11,8 @@ import pytest
 from PySide6.QtGui import QImage
 from rehearsal import Rehearsal
 
+from ascrcp.core.ending import Ending
+from ascrcp.core.errors import InputError
 from ascrcp.core.paths import CONFIG
 from ascrcp.hmi.application import choose_language, run
 from ascrcp.hmi.text import Language
@@ -158,3 +160,28 @@ def test_language_falls_back_where_chinese_cannot_be_shown(screen: Screen) -> No
     assert choose_language(chinese, True) is Language.ZH
     assert choose_language(chinese, False) is Language.EN
     assert choose_language(msgspec.structs.replace(screen, language="en"), True) is Language.EN
+
+
+def test_a_signal_stops_the_motion_and_closes(qapp: object, quick: Screen) -> None:
+    session = Rehearsal(ticks=9999)
+
+    class AsSoonAsItMoves(Ending):
+        @property
+        def is_asked(self) -> bool:
+            return session.job.active is not None
+
+    ending = AsSoonAsItMoves()
+    lines: list[str] = []
+    assert (
+        run(session, offscreen=True, pictures=None, auto=True, tell=lines.append, screen=quick, ending=ending)
+        == 1
+    )
+    assert session.stops == 1 and session.closed == 1
+
+
+def test_a_folder_that_cannot_be_made_is_one_error(qapp: object, quick: Screen, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    session = Rehearsal()
+    with pytest.raises(InputError, match="no folder for pictures"):
+        run(session, offscreen=True, pictures=tmp_path / "file" / "p", auto=True, screen=quick)
+    assert session.closed == 1
