@@ -90,6 +90,9 @@ class IdentifiedConfig(Struct):
         centre: Share of what it differs by within half a step.
         learn: Drive learned per full-speed second of contradiction, times this.
         offset_max: Largest drive that is learned.
+        offset_spread: How far the dead band may be from the one identified, one sigma of drive.
+        factor_spread: How far the speed may be from the one identified, one sigma of its factor: load, reach.
+        factor_max: Largest change of the factor that is learned; 0 learns none.
         zone: Error that is left alone at rest [steps of the sensor].
         rest_speed: Reference speed that counts as rest [steps of the sensor per second].
     """
@@ -97,8 +100,11 @@ class IdentifiedConfig(Struct):
     kp: Annotated[float, Meta(gt=0.0, le=20.0)] = 3.0
     edge: Share = 0.3
     centre: Share = 0.04
-    learn: Annotated[float, Meta(ge=0.0, le=10.0)] = 1.5
+    learn: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.8
     offset_max: DeadBand = 0.1
+    offset_spread: Fraction = 0.01
+    factor_spread: Share = 0.15
+    factor_max: Annotated[float, Meta(ge=0.0, le=0.6)] = 0.4
     zone: Annotated[float, Meta(ge=0.0, le=5.0)] = 0.5
     rest_speed: Annotated[float, Meta(ge=0.0, le=10.0)] = 0.2
 
@@ -190,6 +196,8 @@ class JointConfig(Struct):
         oil_c: Oil temperature at which `full_speed` holds.
         rides_on: Number of the joint whose angle the sensor also shows, 0 for none.
         lag_s: Time constant of the sensor; the age of its frame is known apart.
+        play: Between what the sensor sees and what moves the arm, in all [unit].
+        take_up: Speed at which it is passed through [unit/s].
         ramp: Largest change of drive per cycle (thesis 5.2.2).
         resolution: Step of the sensor; an error below 0.6 of it is none.
         settle: Error within which the joint has arrived.
@@ -219,6 +227,8 @@ class JointConfig(Struct):
     oil_per_c: Annotated[float, Meta(ge=0.0, le=0.02)] = 0.0
     oil_c: Annotated[float, Meta(ge=-40.0, le=150.0)] = 45.0
     rides_on: Annotated[int, Meta(ge=0, le=8)] = 0
+    play: Annotated[float, Meta(ge=0.0, le=2.0)] = 0.0
+    take_up: Positive = 0.3
     pulse: PulseConfig | None = None
     identified: IdentifiedConfig = IdentifiedConfig()
     stick_slip: StickSlipConfig = StickSlipConfig()

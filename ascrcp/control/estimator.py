@@ -4,7 +4,9 @@ A sensor of 0.1 deg tells a joint that moves 0.3 deg/s three times a second wher
 reading changes. Between two changes the drive tells better how it moves than the sensor does. So
 the modelled speed is integrated and passed through a model of the sensor; a reading corrects it
 only by as much as it contradicts the model: by what lies beyond half a step. What contradicts it again and
-again is the drive's: it is learned as an offset of the dead band, apart for each direction.
+again is the drive's, and is learned apart for each direction: as an offset of the dead band, and as a factor
+on the speed, which load and reach change. Which of the two a surprise belongs to, the opening tells: a wide
+one hardly feels the dead band, a narrow one hardly the factor.
 """
 
 import math
@@ -31,6 +33,9 @@ class EstimatorGains:
     centre: float
     learn: float
     offset_max: float
+    offset_spread: float = 0.01
+    factor_spread: float = 0.15
+    factor_max: float = 0.4
 
 
 class Estimator:
@@ -41,6 +46,7 @@ class Estimator:
         shown: What its sensor should read, as a joint [rad or m], before steps.
         speed: Modelled speed over the last cycle [rad/s or m/s].
         offset: Learned surplus of drive, [down, up]: positive where the valve opens earlier than believed.
+        factor: Learned factor on the speed, [down, up].
     """
 
     def __init__(
@@ -54,6 +60,7 @@ class Estimator:
         self._whole = int(cycles)
         self._part = cycles - self._whole
         self.offset = [0.0, 0.0]
+        self.factor = [1.0, 1.0]
         self._sent: deque[float] = deque()
         self.position = self.shown = self.speed = 0.0
         self._known = False
@@ -99,8 +106,9 @@ class Estimator:
     def _speed(self, drive: float, gain: float) -> float:
         if drive == 0.0:
             return 0.0
-        offset = self.offset[1 if drive > 0.0 else 0]
-        return gain * self._characteristic.speed(drive + (offset if drive > 0.0 else -offset))
+        up = 1 if drive > 0.0 else 0
+        offset = self.offset[up] if up else -self.offset[up]
+        return gain * self.factor[up] * self._characteristic.speed(drive + offset)
 
     def _correct(self, surprise: float, gain: float) -> None:
         """Believe a reading as far as it contradicts the model."""
@@ -110,10 +118,19 @@ class Estimator:
         self.position += weighed
         self.shown += weighed
         if self.speed != 0.0:
-            up = 1 if self.speed > 0.0 else 0
-            full = self._characteristic.full_up if up else self._characteristic.full_down
-            change = g.learn * (weighed if up else -weighed) / (full * gain)
-            self.offset[up] = max(-g.offset_max, min(g.offset_max, self.offset[up] + change))
+            self._learn(weighed, gain)
+
+    def _learn(self, weighed: float, gain: float) -> None:
+        """Share out a surprise over dead band and speed, by what each may have been wrong."""
+        g, up = self._gains, 1 if self.speed > 0.0 else 0
+        full = (self._characteristic.full_up if up else self._characteristic.full_down) * gain
+        surplus = g.learn * (weighed if up else -weighed) / full  # of drive
+        opening = abs(self.speed) / full
+        narrow, wide = g.offset_spread**2, opening * g.factor_spread**2
+        share = surplus / (narrow + opening * wide)
+        self.offset[up] = max(-g.offset_max, min(g.offset_max, self.offset[up] + narrow * share))
+        factor = self.factor[up] + wide * share
+        self.factor[up] = max(1.0 - g.factor_max, min(1.0 + g.factor_max, factor))
 
     def sent(self, drive: float) -> None:
         """Note the drive given in this cycle."""

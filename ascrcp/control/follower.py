@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from ascrcp.control.choice import make_controller
 from ascrcp.control.config import ControlConfig, JointConfig
 from ascrcp.control.joint import Observer, Want
+from ascrcp.control.play import Play
 from ascrcp.control.reference import Sample
 from ascrcp.core.clock import CYCLE_S, NS
 from ascrcp.core.machine_io import MachineInputs
@@ -22,7 +23,7 @@ class Followed:
     Attributes:
         drive: Drive per joint, -1..1.
         error_q: Reference, delayed as the sensors are, minus measured joints [rad, m].
-        delayed_q: The reference as the newest measurements should show it [rad, m].
+        delayed_q: The reference as the newest measurements should show it [rad, m], play included.
         behind: Largest joint error as a share of the error at which the reference should wait; from 1 on
             a joint falls behind.
     """
@@ -46,7 +47,7 @@ class Follower:
             joint.share = joint.lead_s / self.lead_s
 
     def clear(self) -> None:
-        """Forget the past: the joints stand, and something new is followed."""
+        """Forget the past: the joints stand, and something new is followed. A play stays on its side."""
         for joint in self._joints:
             joint.control.clear()
             joint.observer.clear()
@@ -69,18 +70,20 @@ class Follower:
         Returns:
             Drives and errors; the same calls always give the same results.
         """
-        error = self._observe(sample, inputs, scale)
         speeds = sample.speed if ahead is None else ahead
+        for joint, speed in zip(self._joints, speeds, strict=True):
+            joint.play.update(speed * scale)
+        error = self._observe(sample, inputs, scale)
         far_waits = abs(error[self._near]) > self._coupled and abs(error[self._far]) > self._coupled
         q = inputs.q
         drives: list[float] = []
         believed: list[float] = []
         for i, joint in enumerate(self._joints):
-            now, base = sample.speed[i] * scale, joint.base
+            now, base, play = sample.speed[i] * scale, joint.base, joint.play
             want = Want(
-                target=sample.q[i],
+                target=sample.q[i] + play.offset,
                 speed=now,
-                ahead=now + joint.share * (speeds[i] * scale - now),
+                ahead=now + joint.share * (speeds[i] * scale - now) + play.rate,
                 measured=q[i],
                 error=error[i],
                 gain=joint.gain(inputs.oil_temp_c),
@@ -98,7 +101,7 @@ class Follower:
         """Compare every joint with where its sensor should show it; old values with older references."""
         rows = zip(self._joints, sample.q, inputs.q, sample.speed, inputs.age_ns, strict=True)
         return tuple(
-            joint.observer.update(r, x, v * scale * age / NS if age < NS else 0.0)
+            joint.observer.update(r + joint.play.offset, x, v * scale * age / NS if age < NS else 0.0)
             for joint, r, x, v, age in rows
         )
 
@@ -120,6 +123,8 @@ class _Joint:
         self.base = config.rides_on - 1
         self.lead_s = config.delay_s + 0.5 * CYCLE_S
         self.share = 1.0
+        rest_speed = config.identified.rest_speed * config.resolution * config.si
+        self.play = Play(config.play * config.si, config.take_up * config.si, rest_speed)
         self._oil_per_c, self._oil_c = config.oil_per_c, config.oil_c
 
     def gain(self, oil_c: float) -> float:

@@ -21,7 +21,15 @@ class IdentifiedControl:
         up, down = config.full_speed
         self._characteristic = Characteristic(up * si, down * si, *config.dead_band)
         sensor = SensorModel(config.resolution * si, config.lag_s)
-        gains = EstimatorGains(own.edge, own.centre, own.learn, own.offset_max)
+        gains = EstimatorGains(
+            own.edge,
+            own.centre,
+            own.learn,
+            own.offset_max,
+            own.offset_spread,
+            own.factor_spread,
+            own.factor_max,
+        )
         self.estimator = Estimator(self._characteristic, config.delay_s, sensor, gains)
         self._ramp = Ramp(config.ramp)
         self._kp = own.kp
@@ -58,7 +66,7 @@ class IdentifiedControl:
             return 0.0
         self._resting = False
         speed = (want.ahead + self._kp * error) / want.gain
-        drive = self._characteristic.drive(speed)
+        drive = self._characteristic.drive(speed / self.estimator.factor[1 if speed > 0.0 else 0])
         if drive > 0.0:
             return max(0.0, drive - self.estimator.offset[1])
         return min(0.0, drive + self.estimator.offset[0]) if drive < 0.0 else drive
