@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ascrcp.core.errors import InputError
+from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.core.geometry import Array
 from ascrcp.perception.crop import crop
@@ -112,7 +112,12 @@ def plan_again(
     round_.forget("path", "plan", "prediction", "joints")
     if not _is_thin(surface, arrays["after"], config):
         return None
-    planned = plan_spray(surface, config.path, config.process, arrays["after"], progress)
+    try:
+        planned = plan_spray(surface, config.path, config.process, arrays["after"], progress)
+    except ConfigError:
+        raise
+    except InputError:  # the first spraying had a bay and points: no pass comes near what is thin
+        return None
     predicted = predict(planned, config.process)
     write_path(round_.path, planned.path)
     write_layout(round_.plan, planned, predicted.finish)

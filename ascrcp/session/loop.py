@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from ascrcp.core.errors import AscrcpError, UnreachableError
 from ascrcp.core.flow import SprayPath
 from ascrcp.session import job
 from ascrcp.session.desk import Desk
@@ -9,6 +10,7 @@ from ascrcp.session.outcome import Measured
 from ascrcp.session.remote import Remote
 from ascrcp.session.round import Round
 from ascrcp.session.state import Finding, Step
+from ascrcp.session.wording import say_chinese
 
 
 def scan_again(desk: Desk) -> None:
@@ -29,7 +31,7 @@ def scan_again(desk: Desk) -> None:
     elif session.setup.resprays is None or len(desk.runs) <= session.setup.resprays:
         desk.finding = _plan_again(desk, place)
     if desk.finding is Finding.COVERED:
-        session.announce("Within tolerance: nothing left to spray.", "已达标：无需补喷。")
+        session.announce("Nothing is left to spray again.", "已无需补喷。")
     job.write_report(desk)
 
 
@@ -71,8 +73,16 @@ def _plan_again(desk: Desk, place: Round) -> Finding:
         )
     if path is None:
         return Finding.COVERED
-    desk.round = place
-    job.solve_path(desk, path)
+    before, desk.round = desk.round, place
+    try:
+        job.solve_path(desk, path)
+    except UnreachableError as error:
+        desk.round = before
+        session.announce(f"What is too thin stays so: {error}", f"欠厚处无法补喷：{say_chinese(error)}", True)
+        return Finding.COVERED
+    except AscrcpError:
+        desk.round = before
+        raise
     return Finding.PLANNED
 
 

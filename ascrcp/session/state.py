@@ -105,7 +105,7 @@ class Refusal(Enum):
         "The wall is a cloud file: it cannot be scanned again.",
         "壁面来自点云文件，无法再次扫描。",
     )
-    COVERED = ("Within tolerance: nothing left to spray.", "已达标：无需补喷。")
+    COVERED = ("Nothing is left to spray again.", "已无需补喷。")
     NEEDS_JOYSTICK = (
         "Semi-automatic mode needs a joystick; none is connected.",
         "半自动模式需要摇杆；未连接摇杆。",

@@ -50,6 +50,42 @@ SENTENCES: tuple[tuple[str, str], ...] = (
     (r"no part of the plan can be steered.*", "规划面上没有可操纵的区域。"),
     (r"the nozzle stands ([\d.]+) m from the plan.*", r"喷头距规划面 \1 m：请先运动至初始点。"),
     (r"the compute process died while running (\w+).*", r"计算进程在执行 \1 时退出；下次使用时将重新启动。"),
+    (r"no tunnel found: the cloud is too sparse.*", "未识别到隧道：点云过于稀疏。"),
+    (
+        r"no tunnel found: the surfaces run (\d+) deg off base X, allowed (\d+) deg",
+        r"未识别到隧道：壁面与基座 X 轴夹角 \1°，允许 \2°。",
+    ),
+    (r"no tunnel found: only (\d+) points lie near the machine.*", r"未识别到隧道：设备附近仅 \1 个点。"),
+    (
+        r"no tunnel found: the largest connected part has (\d+) points.*",
+        r"未识别到隧道：最大连通部分仅 \1 个点。",
+    ),
+    (
+        r"no tunnel found: only (\d+) points lie near the line of profile (\S+).*",
+        r"未识别到隧道：仅 \1 个点靠近断面“\2”的设计线。",
+    ),
+    (r"no tunnel found: too little wall.*", "未识别到隧道：可见壁面过少，无法拟合轴线。"),
+    (r"registration: too few points.*", "两次扫描配准失败：点数过少。"),
+    (
+        r"registration: what both scans show leaves a direction open.*",
+        "两次扫描配准失败：共同可见部分不足以定位。",
+    ),
+    (
+        r"registration: only (\d+) % of the second scan lies on the first, needed (\d+) %.*",
+        r"两次扫描配准失败：仅 \1 % 的点与首次扫描重合，需 \2 %。",
+    ),
+    (
+        r"registration: the scans agree to (\d+) mm only, allowed (\d+) mm",
+        r"两次扫描配准失败：残差 \1 mm，允许 \2 mm。",
+    ),
+    (
+        r"the scan shows (\d+) % of the wall of the first one, needed (\d+) %",
+        r"本次扫描仅覆盖首次壁面的 \1 %，需 \2 %。",
+    ),
+    (r"the heading has no bay to spray.*", "未识别到可喷涂的拱间面。"),
+    (r"no point of the wall can be sprayed.*", "壁面上没有可喷涂的点。"),
+    (r"nothing left to spray.*", "已无需补喷。"),
+    (r"the unrolled wall holds no value.*", "展开壁面无有效数据。"),
     (r"none of the (\d+) planned points has a joint solution.*", r"\1 个规划点均无关节解。"),
     (r"move target .* lies outside the joints' limits", "目标位姿超出关节限位。"),
     (r".*: No space left on device.*", "磁盘空间不足。"),
