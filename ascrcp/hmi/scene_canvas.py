@@ -25,6 +25,8 @@ from ascrcp.session.snapshot import Scene
 SPRAYED_PX = 5
 """Width of the sprayed band on the wall [px]."""
 SPRAYED_ALPHA = 90
+NOW_PX = 4
+"""Width of the pass under way [px]."""
 DRAG_DEG_PX = 0.3
 """Degrees the view turns for a pixel dragged; the buttons do the same without dragging."""
 GHOST_DASH = (3.0, 2.0)
@@ -79,6 +81,7 @@ class SceneCanvas(QWidget):
         self._hits: Array = np.zeros((0, 3))
         self._segments = path_segments(self._scene)
         self._done, self._drawn = -1, -1
+        self._now = self._segments[:0]
         self._arm: ArmLine | None = None
         self._ghost: ArmLine | None = None
         self._still: QImage | None = None
@@ -106,11 +109,14 @@ class SceneCanvas(QWidget):
         self._segments, self._hits = path_segments(self._scene), wall_hits(self._scene)
         self._send_cloud()
 
-    def draw_progress(self, point: int) -> None:
-        """Mark the path as done up to a planned point; -1 for nothing."""
+    def draw_progress(self, point: int, pass_index: int = -1) -> None:
+        """Mark the path as done up to a planned point, and the pass under way; -1 for nothing."""
         if point < self._done:
             self._layer = None
         self._done = point
+        passes = self._scene.path_pass
+        of_pass = passes[self._segments[:, 0]] == pass_index if len(passes) else slice(0, 0)
+        self._now = self._segments[of_pass]
         self.update()
 
     def draw_arm(self, arm: ArmLine) -> None:
@@ -170,6 +176,7 @@ class SceneCanvas(QWidget):
             painter.drawImage(0, 0, self._still)
         painter.drawImage(0, 0, layer)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        self._draw_now(painter)
         if self._arm is not None:
             self._draw_arm(painter, self._arm, is_ghost=False)
         if self._ghost is not None:
@@ -214,6 +221,13 @@ class SceneCanvas(QWidget):
         self._lines(painter, self._scene.path[fresh], QPen(self._pens["path_done"], 2))
         painter.end()
         self._drawn = self._done
+
+    def _draw_now(self, painter: QPainter) -> None:
+        """Draw the pass under way: what is done of it and what is left, over all others."""
+        is_done = self._now[:, 1] <= self._done
+        for part, colour in ((self._now[~is_done], "path"), (self._now[is_done], "path_done")):
+            if len(part):
+                self._lines(painter, self._scene.path[part], QPen(self._pens[colour], NOW_PX))
 
     def _draw_arm(self, painter: QPainter, arm: ArmLine, is_ghost: bool) -> None:
         pen = QPen(self._pens["target" if is_ghost else "arm"], 4 if is_ghost else 6)

@@ -35,7 +35,7 @@ class SceneView(Panel):
         self._cameras = named_cameras(screen.view)
         self._view = next(iter(self._cameras))
         self._scene, self._has_cloud = Scene(), False
-        self._point, self._is_running, self._turn_left = -1, False, 0.0
+        self._point, self._pass, self._is_running, self._turn_left = -1, -1, False, 0.0
         self._pose: tuple[tuple[float, ...], bool] = ((), False)
         self.canvas = SceneCanvas(screen, first_camera(screen.view))
         self.canvas.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Expanding)
@@ -104,14 +104,17 @@ class SceneView(Panel):
         )
 
     def note_progress(self, snapshot: Snapshot) -> None:
-        """Keep what is done marked, between points and after the run, until the next run begins."""
-        is_running = snapshot.job.active is Step.RUN
+        """Keep what is done marked, between points and after the run, until the next run or path."""
+        is_running, passes = snapshot.job.active is Step.RUN, self._scene.path_pass
         begins = is_running and not self._is_running
-        reached = max(-1 if begins else self._point, snapshot.point)
         self._is_running = is_running
-        if reached != self._point:
-            self._point = reached
-            self.canvas.draw_progress(reached)
+        reached, now = -1 if begins else self._point, self._pass if is_running else -1
+        if is_running:
+            reached = max(reached, snapshot.point)
+            now = int(passes[snapshot.point]) if 0 <= snapshot.point < len(passes) else now
+        if (reached, now) != (self._point, self._pass):
+            self._point, self._pass = reached, now
+            self.canvas.draw_progress(reached, now)
 
     def show_snapshot(self, snapshot: Snapshot) -> None:
         """Move the arm, if it moved, say how near it is planned to come, and let the view fill up."""
@@ -134,12 +137,14 @@ class SceneView(Panel):
         self.canvas.draw_ghost(None if frames is None else arm_line(frames, spraying))
 
     def draw(self, prepared: Prepared) -> None:
-        """Draw cloud and path anew."""
+        """Draw cloud and path anew; of another path nothing is done."""
+        if not np.array_equal(self._scene.path, prepared.scene.path):
+            self._point = self._pass = -1
         self._scene = prepared.scene
         self._has_cloud = len(prepared.points) > 0
         set_text(self.note, "" if self._has_cloud else say("no_cloud", self.language))
         self.canvas.draw_scene(prepared)
-        self.canvas.draw_progress(self._point)
+        self.canvas.draw_progress(self._point, self._pass)
 
     def _warn(self, snapshot: Snapshot) -> None:
         known, point = self._scene.clearance, snapshot.point

@@ -375,6 +375,31 @@ def test_done_part_of_the_path_stays_until_the_next_run(open_window: Opener) -> 
     assert marked(-1) == -1
 
 
+def test_pass_under_way_is_marked_and_another_path_begins_with_nothing_done(open_window: Opener) -> None:
+    session = ready(4, ticks=400)
+    session.drawn = make_scene()
+    window = open_window(session)
+    window.settle()
+    view, canvas = window.automatic.scene, window.automatic.scene.canvas
+    session.start(Step.RUN)
+    for _ in range(150):
+        window.refresh()
+    passes = session.drawn.path_pass
+    assert view._point > 60 and set(passes[canvas._now].ravel().tolist()) == {int(passes[view._point])}
+    assert (canvas._now[:, 1] <= canvas._done).any() and (canvas._now[:, 1] > canvas._done).any()
+    session.stop()
+    window.refresh()
+    done = view._point
+    session.drawn = make_scene(version=2, seed=1)  # scanned again, the same path
+    window.refresh()
+    window.settle()
+    assert view._point == done > 0 and not len(canvas._now)
+    session.drawn = make_scene(version=3, passes=3)
+    window.refresh()
+    window.settle()
+    assert view._point == canvas._done == -1
+
+
 def test_a_refresh_is_short(open_window: Opener) -> None:
     session = ready(4, ticks=100_000)
     session.drawn = make_scene(1, 100_000)
