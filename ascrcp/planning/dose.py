@@ -2,6 +2,7 @@
 
 The growth of the wall is linear in the volumes laid, so the doses that bring the wall, averaged over
 patches, nearest to the wanted surface are found by a projected gradient on the sparse footprint matrix.
+Patches alone would allow any pattern whose mean over a patch is right, so single cells count too.
 """
 
 from collections.abc import Callable
@@ -9,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter
+from scipy.ndimage import gaussian_filter, uniform_filter
 from scipy.sparse import csr_matrix, hstack
 
 from ascrcp.core.geometry import Array
 from ascrcp.planning.coverage import Lines
-from ascrcp.planning.deposition import Jet, deposit
+from ascrcp.planning.deposition import SLOPE_SIGMA_M, Jet, deposit
 from ascrcp.planning.layer import limit_layer, wall_before
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.target import Left, Target
@@ -139,7 +140,7 @@ def solve_dose(
     matrix = stretches.growth * unit
     back = csr_matrix(matrix.T)
     need = target.offset - target.wanted
-    need = need - process.dose.hold_back * np.maximum(need, 0.0)
+    need = need - held_back(target, process) * np.maximum(need, 0.0)
     cell = target.cell
     size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
     # arches and rock are surfaces of their own: an excess on one does not make up for a lack on the other
@@ -171,20 +172,35 @@ def solve_dose(
     weight_of = np.where(mask, 1.0, 0.0)
 
     def excess(u: Array) -> Array:
-        return patches((matrix @ u).reshape(need.shape) - need)
+        return np.asarray((matrix @ u).reshape(need.shape) - need)
 
     def gradient(u: Array) -> Array:
-        pull = back @ adjoint(weight_of * excess(u)).ravel()
+        miss = excess(u)
+        pull = back @ (adjoint(weight_of * patches(miss)) + process.dose.fine * mask * miss).ravel()
         return np.asarray(share * pull + process.dose.smooth * smoothed(u))
 
     highest = _highest(stretches, lines, target, process) / unit
     amount = descend(gradient, highest, np.zeros(len(highest)), process.dose.iterations)
     for _ in range(ROUNDS):
         # too thick weighs more than too thin, for it cannot be taken off
-        over = excess(amount) > process.target.tolerance_m * OVER_SHARE
+        over = patches(excess(amount)) > process.target.tolerance_m * OVER_SHARE
         weight_of = np.where(mask, np.where(over, process.dose.over_weight, 1.0), 0.0)
         amount = descend(gradient, highest, amount, process.dose.iterations)
     return Dose(stretches, _round_off(amount * unit, process))
+
+
+def held_back(target: Target, process: ProcessParameters) -> Array:
+    """Share of the wanted layer that is not laid, for what is too thick cannot be taken off, shape (ns, na).
+
+    What a flank catches and throws back is known worse the more obliquely the jet meets it: the share
+    grows with the square of the sine of the wall's slope, as the rebound by angle does.
+    """
+    ds, da = target.cell
+    rock = np.where(target.arch, target.rock, target.offset)
+    smooth = gaussian_filter(rock, (SLOPE_SIGMA_M / ds, SLOPE_SIGMA_M / da), mode="nearest")
+    by_station, by_along = np.gradient(smooth, ds, da)
+    steep = np.where(target.arch, 0.0, by_station**2 + by_along**2)
+    return np.asarray(process.dose.hold_back + process.dose.hold_back_slope * steep / (1.0 + steep))
 
 
 def descend(gradient: Callable[[Array], Array], highest: Array, start: Array, iterations: int) -> Array:

@@ -95,7 +95,10 @@ class DoseParameters(Struct):
     face_tilt_deg: Annotated[float, Meta(ge=60.0, le=120.0)]
     speed_m_s: tuple[Speed, Speed]
     hold_back: Annotated[float, Meta(ge=0.0, le=0.3)]
+    hold_back_slope: Annotated[float, Meta(ge=0.0, le=0.5)]
     over_weight: Annotated[float, Meta(ge=1.0, le=100.0)]
+    over_weight_again: Annotated[float, Meta(ge=1.0, le=100.0)]
+    fine: Annotated[float, Meta(ge=0.0, le=10.0)]
     smooth: Annotated[float, Meta(ge=0.0, le=10.0)]
     iterations: Annotated[int, Meta(ge=5, le=1000)]
 

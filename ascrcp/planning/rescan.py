@@ -48,11 +48,31 @@ def find_after(points: NDArray[np.float32], surface: Surface, target: Target) ->
 
 
 def _bridge(after: Array, mask: NDArray[np.bool_]) -> None:
-    """Fill small holes of one kind of surface from their nearest neighbours, in place."""
+    """Fill small holes of one kind of surface, in place.
+
+    A hole between two seen cells of one column is what the lidar, looking along the tunnel, did not see
+    behind a rim: the chord between them is its line of sight, and the wall lies no nearer. Other holes take
+    their nearest neighbours' value.
+    """
     seen = np.isfinite(after) & mask
     if not seen.any():
         return
     far, nearest = distance_transform_edt(~seen, return_indices=True)
     fill = mask & ~seen & (far <= BRIDGE_CELLS)
-    filled = after[tuple(nearest)]
-    after[fill] = median_filter(filled, 3, mode="nearest")[fill]
+    value = median_filter(after[tuple(nearest)], 3, mode="nearest")
+    for column in np.flatnonzero(fill.any(axis=0) & seen.any(axis=0)):
+        known, holes = np.flatnonzero(seen[:, column]), np.flatnonzero(fill[:, column])
+        between = _is_between(holes, known, mask[:, column])
+        value[holes[between], column] = np.interp(holes[between], known, after[known, column])
+    after[fill] = value[fill]
+
+
+def _is_between(
+    holes: NDArray[np.int64], known: NDArray[np.int64], mask: NDArray[np.bool_]
+) -> NDArray[np.bool_]:
+    """Whether seen rows of the same surface stand close on both sides of the holes of a column, (n,)."""
+    after = np.searchsorted(known, holes)
+    inner = (after > 0) & (after < len(known))
+    first, last = known[np.maximum(after - 1, 0)], known[np.minimum(after, len(known) - 1)]
+    foreign = np.concatenate([[0], np.cumsum(~mask)])
+    return np.asarray(inner & (last - first <= 2.0 * BRIDGE_CELLS + 1.0) & (foreign[last] == foreign[first]))

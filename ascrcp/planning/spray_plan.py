@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import SprayPath, Surface
@@ -117,7 +118,7 @@ def plan_spray(
     where = None
     if after is not None:
         target = renew(target, after, surface.unsprayed, process.target.corner_m)
-        where = find_thin(target, process)
+        where = _widen(find_thin(target, process), target, process)
     tell(0.1)
     coverage = Coverage(surface, target, wall, parameters, process, where)
     lines, layers = coverage.lines(lambda x: tell(0.1 + 0.3 * x)), coverage.layers
@@ -169,9 +170,9 @@ def replan(
 
 
 def _dosed(surface: Surface, layout: Layout, stretches: Stretches, process: ProcessParameters) -> SprayPlan:
-    """Choose doses, speeds and flows for a layout; a second spraying holds nothing back."""
+    """Choose doses, speeds and flows for a layout; a second spraying weighs an excess less."""
     if layout.again:
-        process = change(process, dose=change(process.dose, hold_back=0.0))
+        process = change(process, dose=change(process.dose, over_weight=process.dose.over_weight_again))
     target = layout.target
     met = np.asarray(stretches.growth.sum(axis=1)).reshape(target.offset.shape) > 0.0
     # beside what can be brought to the target, what must not get more counts too
@@ -213,6 +214,13 @@ def find_thin(target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
             f"{1e3 * RESPRAY_SHARE * process.target.tolerance_m:g} mm"
         )
     return np.asarray(thin)
+
+
+def _widen(thin: NDArray[np.bool_], target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
+    """Widen thin places along the axis so that each holds a pass: passes lie where those of the bay do."""
+    half = round(process.dose.pass_spacing_m / 2.0 / target.cell[0])
+    rock = ~target.arch  # an arch has one pass of its own
+    return np.asarray(thin | (rock & binary_dilation(thin & rock, np.ones((2 * half + 1, 1)))))
 
 
 def _is_low(surface: Surface, target: Target, parameters: PlanningParameters) -> NDArray[np.bool_]:

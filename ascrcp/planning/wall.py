@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
 
 from ascrcp.core.errors import InputError
@@ -13,6 +14,10 @@ from ascrcp.planning.parameter import PlanningParameters
 
 MIN_FLOOR_POINTS = 50  # fewer ground points than this tell nothing about the floor; placeholder
 FLOOR_BEHIND_M = 3.0  # ground up to one round behind the unsprayed part counts, design.md section 1
+FACE_M = 0.15  # the face bulges by less than this into the unsprayed part; placeholder
+FACE_SHARE = (
+    0.5  # of the way from design line to arch line: what stands further in there is face; placeholder
+)
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,7 @@ def fit_wall(surface: Surface, parameters: PlanningParameters) -> Wall:
     """
     if min(surface.offset.shape) < 2:
         raise InputError(f"the unrolled wall must have at least 2 x 2 cells, not {surface.offset.shape}")
-    known = np.isfinite(surface.offset)
+    known = np.isfinite(surface.offset) & ~_is_face(surface)
     if not known.any():
         raise InputError("the unrolled wall holds no value: nothing was seen, so nothing can be planned")
     step = (surface.station[1] - surface.station[0], surface.along[1] - surface.along[0])
@@ -115,6 +120,13 @@ def find_floor(surface: Surface) -> float:
         return float(np.median(z))
     profile = surface.profile
     return float(profile.point(np.array([0.0, profile.length]))[:, 1].min())
+
+
+def _is_face(surface: Surface) -> NDArray[np.bool_]:
+    """Mark cells of the last rows that show the face's own rock, bulging before the wall, shape (ns, na)."""
+    last = surface.station > surface.unsprayed[1] - FACE_M
+    with np.errstate(invalid="ignore"):
+        return np.asarray(last[:, None] & (surface.offset < FACE_SHARE * surface.profile.arch_line))
 
 
 def _smooth(grid: Array, sigma: float, step: tuple[float, float]) -> Array:
