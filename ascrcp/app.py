@@ -262,7 +262,9 @@ def open_replay(round_: Round, bus: ReplayBus) -> Cycle:
     tuned = round_.manifest().get("control")
     control, steer = load_control(arm, Path(str(tuned)) if tuned else None), load_steer_config()
     planning, payload_kg = load_planning(), float(round_.manifest().get("load_kg", 0.0))
-    kernels = KernelMaker(arm, steer, payload_kg, lambda: find_obstacles(round_, arm, planning))
+    kernels = KernelMaker(
+        arm, steer, payload_kg, lambda scan: find_obstacles(Round(round_.folder / scan), arm, planning)
+    )
     stick = Stick(None, SteerTracker(control, steer, arm.n), kernels)
     return Cycle(link, Tracker(arm, control), open_gate(arm), arm.forward, stick=stick)
 

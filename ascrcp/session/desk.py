@@ -13,6 +13,7 @@ from ascrcp.kinematics.sag import sagged_forward
 from ascrcp.session.evaluation import evaluate
 from ascrcp.session.outcome import Loaded
 from ascrcp.session.remote import Remote
+from ascrcp.session.round import Round
 from ascrcp.session.state import Finding, Mode
 from ascrcp.session.steering import SteerOrder
 from ascrcp.session.store import read_json, write_json
@@ -75,8 +76,13 @@ class Desk:
         around = session.run_compute(
             Remote.OBSTACLES, self.around.folder, setup.machine, setup.planning, share=(0.0, 0.0)
         )
-        setup.stick.kernels.set_around(around)
-        session.run_steering(SteerOrder(kind, joint=joint, q=session.measured_q()))
+        scan = self.name_of(self.around)
+        setup.stick.kernels.set_around(around, scan)
+        session.run_steering(SteerOrder(kind, joint=joint, q=session.measured_q(), scan=scan))
+
+    def name_of(self, folder: Round) -> str:
+        """Name of a folder inside the session's round, empty for the round itself."""
+        return "" if folder is self.session.round else folder.folder.name
 
     def begin_again(self) -> None:
         """Forget the last run: the next starts at the first point."""
@@ -215,7 +221,7 @@ def describe_run(desk: Desk, judged: dict[str, Any]) -> dict[str, Any]:
         },
         "ok": desk.is_done and desk.is_exact(judged["at_points"]),
         "mode": mode,
-        "folder": "" if desk.round is session.round else desk.round.folder.name,
+        "folder": desk.name_of(desk.round),
         **judged,
         "predicted": plan.get("driven"),
         "concrete_m3": {"pumped": desk.collector.pumped_s * pump, "truth": session.setup.concrete()},

@@ -10,7 +10,7 @@ from ascrcp.core.flow import JointSequence
 from ascrcp.session.steering import PLAN_ARRAYS, SteerOrder
 
 _ARRAYS = ("t", "q", "position", "direction", "point", "spraying", "flow")
-_STEER = ("kind", "row", "column", "joint", "q")
+_STEER = ("kind", "row", "column", "joint", "q", "scan")
 
 
 def encode_order(kind: str, value: Any) -> bytes:

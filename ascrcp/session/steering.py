@@ -30,6 +30,7 @@ class SteerOrder:
         row, column: Node the arm stands on, for "plan".
         joint: Number from 1, for "joint".
         q: Joints as measured when it began [rad, m], for the jogs.
+        scan: Folder inside the round whose surface the jogs keep clear of, empty for the round itself.
     """
 
     kind: Kind
@@ -38,6 +39,7 @@ class SteerOrder:
     column: int = 0
     joint: int = 0
     q: tuple[float, ...] = ()
+    scan: str = ""
 
 
 class KernelMaker:
@@ -48,18 +50,18 @@ class KernelMaker:
         arm: Arm,
         config: SteerConfig,
         payload_kg: float,
-        find_around: Callable[[], Obstacles | None] = lambda: None,
+        find_around: Callable[[str], Obstacles | None] = lambda scan: None,
     ) -> None:
-        """Args: find_around: gives the surroundings where nobody has set them, as in a replay."""
+        """Args: find_around: gives the surroundings of a scan where nobody has set them, as in a replay."""
         self._arm, self._config, self._payload = arm, config, payload_kg
         self._find_around = find_around
         self._around: Obstacles | None = None
-        self._has_around = False
+        self._around_of: str | None = None
         self._ready: tuple[SteerOrder, Kernel] | None = None
 
-    def set_around(self, around: Obstacles | None) -> None:
-        """Give the surroundings for the jogs."""
-        self._around, self._has_around = around, True
+    def set_around(self, around: Obstacles | None, scan: str = "") -> None:
+        """Give the surroundings for the jogs, and the scan they were seen in."""
+        self._around, self._around_of = around, scan
 
     def prepare(self, order: SteerOrder) -> None:
         """Make a kernel now, for an order to come."""
@@ -77,8 +79,8 @@ class KernelMaker:
             steering = Steering(surface, self._config, self._arm.max_speed)
             steering.begin(order.row, order.column)
             return steering
-        if not self._has_around:
-            self.set_around(self._find_around())
+        if order.scan != self._around_of:
+            self.set_around(self._find_around(order.scan), order.scan)
         jog: CartesianJog | JointJog
         if order.kind == "nozzle":
             jog = CartesianJog(self._arm, self._config, self._payload, self._distance())
