@@ -17,5 +17,5 @@ def measure_control(machine: str, seed: int, say: Say) -> list[Figure]:
 
 
 def measure_many(seed: int, say: Say) -> list[Figure]:
-    """Measure rigs drawn at random, each surveyed and tuned, and the shipped rig in trouble."""
+    """Measure rigs drawn at random, tuned and surveyed, and the shipped rig in trouble."""
     return measure_rigs(seed, say) + measure_trouble(seed, say)

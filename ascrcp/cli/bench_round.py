@@ -1,7 +1,8 @@
 """bench control, whole rounds: the rig's true nozzle against the reference, unloaded, loaded, on drawn rigs.
 
 Every machine is commissioned as a real one would be: a survey of poses gives zeros and sag
-(`calibrate`), small motions over the bus give the drives (`tune`). Nothing else is changed.
+(`calibrate`), small motions over the bus give the drives (`tune`). Nothing else is changed. Drawn rigs are
+driven without the survey too: with the sag of the shipped machine and sensors whose zeros nobody looked at.
 """
 
 import math
@@ -38,7 +39,7 @@ from ascrcp.planning.timing import time_sequence
 from ascrcp.session.evaluation import RunTrace, angle_error_deg, cross_track_mm, position_error_mm
 from ascrcp.session.tuning import Tuner
 from ascrcp.simulation.draw import draw_rig, load_range
-from ascrcp.simulation.rig import load_rig_config
+from ascrcp.simulation.rig import RigConfig, load_rig_config
 from ascrcp.simulation.survey import draw_poses, survey_rig
 
 POINTS = 1100
@@ -99,9 +100,17 @@ class RoundRun:
     speed: float
 
 
-def commission(overlay: Overlay, seed: int, machine: str = "kc") -> Commissioned:
-    """Survey and tune a rig as it is switched on."""
+def commission(overlay: Overlay, seed: int, machine: str = "kc", has_survey: bool = True) -> Commissioned:
+    """Survey and tune a rig as it is switched on; without a survey the machine file stays as shipped."""
     arm, config = load_arm(machine), load_rig_config(overlay)
+    known = _survey(config, arm, seed, machine) if has_survey else arm
+    with Cell(config, arm, known, seed) as cell:
+        tuned = Tuner(cell, known, load_control(arm)).tune(tuning_pose(arm), lambda _: None)
+    return Commissioned(known, tuned.control)
+
+
+def _survey(config: RigConfig, arm: Arm, seed: int, machine: str) -> Arm:
+    """Calibrate zeros and sag to a survey of the rig."""
     rng = np.random.default_rng([seed, 2])
     payload = np.round(rng.uniform(0.0, FULL_HOSE_KG, SURVEY))
     seen = survey_rig(config, arm, draw_poses(arm, SURVEY, rng), payload, seed, rng)
@@ -110,10 +119,7 @@ def commission(overlay: Overlay, seed: int, machine: str = "kc") -> Commissioned
         write_observations(survey, arm, seen)
         found = calibrate(arm, seen, load_calibration(), ("zeros", "sag"))
         file.write_bytes(encode_machine(machine, survey, found))
-        known = load_arm(str(file))
-    with Cell(config, arm, known, seed) as cell:
-        tuned = Tuner(cell, known, load_control(arm)).tune(tuning_pose(arm), lambda _: None)
-    return Commissioned(known, tuned.control)
+        return load_arm(str(file))
 
 
 def plan_round(arm: Arm, payload_kg: float, points: int = POINTS) -> JointSequence:
@@ -308,23 +314,26 @@ def _table_5_10(run: RoundRun) -> list[Figure]:
 
 
 def measure_rigs(seed: int, say: Say, rigs: Sequence[int] = tuple(range(RIGS))) -> list[Figure]:
-    """Measure rigs drawn at random, unloaded and loaded by turns, each surveyed and tuned."""
+    """Measure rigs drawn at random, unloaded and loaded by turns, each tuned, and each surveyed and tuned."""
     base, ranges = load_rig_config().arm, load_range()
     figures = []
     for number in rigs:
         overlay = draw_rig(base, ranges, np.random.default_rng([seed, 9, number]))
         payload = FULL_KG if number % 2 else 0.0
         title = f"drawn rig {number + 1}, {payload:g} kg, oil {overlay['arm']['oil']['start_c']:.0f} deg C"
-        say(title)
-        figures += measure_rig(title, overlay, seed + number, payload)
+        for how, has_survey in (("tuned", False), ("surveyed, tuned", True)):
+            say(f"{title}, {how}")
+            figures += measure_rig(f"{title}, {how}", overlay, seed + number, payload, has_survey)
     return figures
 
 
-def measure_rig(title: str, overlay: Overlay, seed: int, payload: float) -> list[Figure]:
+def measure_rig(
+    title: str, overlay: Overlay, seed: int, payload: float, has_survey: bool = True
+) -> list[Figure]:
     """Commission one rig, drive part of a round, set it beside 1.5 times what is asked of the shipped one."""
     asked = tuple(SLACK * value for value in ASKED[payload])
     try:
-        known = commission(overlay, seed)
+        known = commission(overlay, seed, has_survey=has_survey)
         sequence = shorten(plan_round(known.arm, payload), PART_S)
         run = run_round(overlay, known, sequence, seed, payload)
     except AscrcpError as error:

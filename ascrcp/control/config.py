@@ -179,7 +179,7 @@ class StickSlipConfig(Struct):
     tail_max_s: Seconds = 0.06
     band: Positive = 0.15
     zone: Positive = 0.1
-    kp: Annotated[float, Meta(gt=0.0, le=20.0)] = 3.0
+    kp: Annotated[float, Meta(gt=0.0, le=20.0)] = 5.0
 
 
 class JointConfig(Struct):
