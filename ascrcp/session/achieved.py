@@ -85,11 +85,12 @@ def measure_achieved(
         )
     beyond = target.station > first.unsprayed[1]  # of the face nobody knows how far it was
     layer = np.where(beyond[:, None], np.nan, target.offset - after)
+    on_wall = target.station < first.unsprayed[1] - config.process.target.corner_m  # not the face
     finish = judge_finish(after, target, layout, config)
     noise = measure_thickness(first.points, moved, first, survey.thickness)
     figures = {
         **finish_figures(finish, target, config.process.target.tolerance_m),
-        "laid_m3": float((np.nan_to_num(layer) * target.area)[_rows(target)].sum()),
+        "laid_m3": float((np.nan_to_num(layer) * target.area)[target.inside & on_wall[:, None]].sum()),
         "unseen_m2": float(target.area[target.inside & ~seen].sum()),
         "registration": _describe(found),
         "noise_mm": 1e3 * noise.noise_floor,

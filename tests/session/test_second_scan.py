@@ -11,8 +11,13 @@ from ascrcp.app import Options, open_session
 from ascrcp.core.errors import RefusedError
 from ascrcp.core.flow import JointSequence
 from ascrcp.planning.table import read_joints, write_joints
+from ascrcp.planning.target import find_target
+from ascrcp.planning.wall import fit_wall
+from ascrcp.session.again import plan_again
+from ascrcp.session.round import Round
 from ascrcp.session.session import Session
 from ascrcp.session.state import Refusal, Step
+from ascrcp.session.store import read_archive, read_json, read_surface, write_archive
 
 SMALL = Path(__file__).parents[1] / "app" / "small.yaml"
 SPRAYED_S = 25.0  # of the plan that are sprayed here: a few square metres
@@ -95,3 +100,32 @@ def test_the_loop_on_the_rig(session: Session) -> None:
     do(session, Step.RESCAN)
     assert len(session.round.rescans()) == 2
     assert session.setup.concrete() == truth, "scanning lays nothing"
+
+
+def test_what_is_too_thin_is_planned_beside_the_first_plan(session: Session, tmp_path: Path) -> None:
+    """After the story above: most of the wall still waits."""
+    found, before = session.round.rescans()[0], content(session)
+    place, planning = copy_scan(found, tmp_path / "again"), session.setup.planning
+    path = plan_again(place.folder, session.round.folder, planning)
+    assert path is not None and len(path) > 50
+    assert content(session) == before
+    predicted, achieved = read_json(place.prediction), read_json(place.finish)
+    assert predicted["again"]
+    assert predicted["planned"]["within_tolerance"] > achieved["within_tolerance"] + 0.2, "it mends"
+
+    names = ("station", "along", "after", "layer", "finish")
+    _, arrays = read_archive(place.achieved, "achieved", names)
+    surface = read_surface(session.round.surface)
+    target = find_target(surface, fit_wall(surface, planning.path), planning.process, planning.path.bridge_m)
+    done = {**arrays, "after": np.where(np.isfinite(arrays["after"]), target.wanted, np.nan)}
+    write_archive(place.achieved, "achieved", {}, done)
+    assert plan_again(place.folder, session.round.folder, planning) is None, "a wall as wanted needs nothing"
+    assert not place.path.exists(), "and keeps no plan"
+
+
+def copy_scan(found: Round, folder: Path) -> Round:
+    folder.mkdir()
+    place = Round(folder)
+    for name in ("surface", "achieved", "finish"):
+        getattr(place, name).write_bytes(getattr(found, name).read_bytes())
+    return place
