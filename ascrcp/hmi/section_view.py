@@ -102,8 +102,6 @@ class SectionView(QWidget):
             x = width / 2 - scale * (yz[:, 0] - middle[0])
             return np.stack([x, height / 2 - scale * (yz[:, 1] - middle[1])], -1)
 
-        points, labels = cut(prepared, self._station, HALF_M)
-        self._splat(still, place(points.astype(float)), self._table[labels])
         painter = QPainter(still)
         font = QFont(self.font())
         font.setPixelSize(TEXT_PX)
@@ -114,13 +112,15 @@ class SectionView(QWidget):
             ("line_overbreak", self._screen.look.scene.overbreak, Qt.PenStyle.DashDotLine),
         )
         for row, ((key, colour, style), line) in enumerate(zip(looks, self._lines, strict=True)):
-            pen = QPen(QColor(colour), 2, style)
+            pen = QPen(QColor(colour), 1, style)
             painter.setPen(pen)
             pixels = place(line)
             painter.drawPolyline(QPolygonF([QPointF(x, y) for x, y in pixels.tolist()]))
             self._write_legend(painter, row, key, pen, height)
         self._write_figures(painter, height)
         painter.end()
+        points, labels = cut(prepared, self._station, HALF_M)
+        self._splat(still, place(points.astype(float)), self._table[labels])  # over the lines: 10 cm are 3 px
         return still
 
     def _splat(self, image: QImage, pixels: Array, colours: np.ndarray) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QColor, QFont, QPen
+from PySide6.QtWidgets import QSizePolicy
 
 from ascrcp.hmi.quantity import show_duration
 from ascrcp.hmi.theme import Screen
@@ -29,6 +30,7 @@ class TrendPlot:
 
     def __init__(self, screen: Screen) -> None:
         self.widget = pg.PlotWidget()
+        self.widget.setSizePolicy(QSizePolicy.Policy.Ignored, QSizePolicy.Policy.Ignored)
         self._axis: Axis | None = None
         self._unit = ""
         item = self.widget.getPlotItem()

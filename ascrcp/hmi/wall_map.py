@@ -243,32 +243,39 @@ class WallMap(QWidget):
             painter.setPen(QPen(dark, 1))
             painter.drawPolygon(QPolygonF(edges))
         painter.setBrush(Qt.BrushStyle.NoBrush)
+        taken: list[QRectF] = []
         for region in surface.overbreak:
-            self._draw_region(painter, surface, region.station, region.angle_deg, region.max_depth_m)
+            box = self._region_box(surface, region.station, region.angle_deg)
+            painter.setPen(QPen(dark, 3))
+            painter.drawRect(box)
+            taken.append(box)
+        for box, region in zip(tuple(taken), surface.overbreak, strict=True):
+            taken.append(self._write_depth(painter, box, region.max_depth_m, taken))
 
-    def _draw_region(
-        self,
-        painter: QPainter,
-        surface: Surface,
-        station: tuple[float, float],
-        angle_deg: tuple[float, float],
-        depth: float,
-    ) -> None:
+    def _region_box(
+        self, surface: Surface, station: tuple[float, float], angle_deg: tuple[float, float]
+    ) -> QRectF:
         along = np.linspace(0.0, surface.profile.length, 400)
         low, high = np.interp(np.radians(angle_deg), surface.profile.angle(along), along)
-        box = QRectF(self._place(station[1], high), self._place(station[0], low))
-        painter.setPen(QPen(QColor("#000000"), 3))
-        painter.drawRect(box)
+        return QRectF(self._place(station[1], high), self._place(station[0], low))
+
+    def _write_depth(self, painter: QPainter, box: QRectF, depth: float, taken: list[QRectF]) -> QRectF:
+        """Write a depth by its region, above, below or beside, where it covers no other; return its place."""
         text = "+" + quantity.DEPTH.show(depth)
-        wide = painter.fontMetrics().horizontalAdvance(text) + 10
-        label = QRectF(0, 0, wide, FONT_PX + 8)
-        label.moveCenter(box.center())
-        has_room = box.top() - label.height() > self._area().top()
-        label.moveBottom(box.top() - 2 if has_room else box.bottom() + label.height() + 2)
-        label.moveLeft(min(max(label.left(), self._area().left()), self._area().right() - wide))
+        area = self._area()
+        label = QRectF(0, 0, painter.fontMetrics().horizontalAdvance(text) + 10, FONT_PX + 8)
+        rows, columns = label.height() + 3, 0.5 * (box.width() + label.width()) + 3
+        places = [(0.0, side * (0.5 * (box.height() + label.height()) + 3)) for side in (-1, 1)]
+        places += [(side * columns, row * rows) for row in (0, 1, -1, 2, -2) for side in (1, -1)]
+        for dx, dy in places:
+            label.moveCenter(QPointF(box.center().x() + dx, box.center().y() + dy))
+            label.moveLeft(min(max(label.left(), area.left()), area.right() - label.width()))
+            if area.contains(label) and not any(label.intersects(other) for other in taken):
+                break
         painter.fillRect(label, QColor(self._screen.look.colours.panel))
         painter.setPen(QColor(self._screen.look.colours.text))
         painter.drawText(label, Qt.AlignmentFlag.AlignCenter, text)
+        return QRectF(label)
 
     def _draw_axes(self, painter: QPainter, view: WallView) -> None:
         area, language = self._area(), self._language

@@ -249,6 +249,8 @@ def test_trend_plot_shows_the_last_minutes(open_window: Opener, screen: Screen) 
         session.more = {"t_s": float(k), "q": (0.001 * k,) * 8}
         window.refresh()
     window.refresh()
+    show(window)
+    assert not page.trend.geometry().intersects(page.table.geometry())
     plot = page.trend._plot
     assert plot is not None and plot.widget.isVisible()
     t, shown = plot._actual.getData()
