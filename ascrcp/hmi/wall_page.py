@@ -2,6 +2,7 @@
 
 import math
 
+from PySide6.QtCore import Qt
 from PySide6.QtWidgets import QHBoxLayout, QPushButton, QVBoxLayout
 
 from ascrcp.hmi import quantity
@@ -41,6 +42,7 @@ class WallPage(Page):
         column.addWidget(self.map, 1)
         self.figures = make_label("small", wrap=True)
         self.figures.setFixedHeight(FIGURES_PX)
+        self.figures.setAlignment(Qt.AlignmentFlag.AlignTop)
         column.addWidget(self.figures)
         other = QVBoxLayout(right)
         other.setContentsMargins(4, 4, 4, 4)
@@ -145,7 +147,9 @@ class WallPage(Page):
 
     def _write_figures(self) -> None:
         layer = self.map.layer(self._layer)
-        set_text(self.figures, "" if layer is None else describe_layer(layer.figures, self.language))
+        text = "" if layer is None else describe_layer(layer.figures, self.language)
+        set_text(self.figures, text)
+        self.figures.setVisible(bool(text))  # the map may have its place
 
     def _write_title(self) -> None:
         station = quantity.STATION.show(self.map.station)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ascrcp.core.flow import Surface
 from ascrcp.core.geometry import Array
-from ascrcp.session.plan_picture import FINISH_MM, THICK_MM
+from ascrcp.session.plan_picture import FINISH_MM, THICK_MM, draw_grid
 
 ROW_INCHES = 2.4
 
@@ -48,20 +48,11 @@ def finish_maps(surface: Surface, maps: list[FinishMap]) -> bytes:
     for row, one in zip(axes, maps, strict=True):
         angle = np.degrees(surface.profile.angle(one.along))
         rows = (one.station >= surface.unsprayed[0]) & (one.station <= surface.unsprayed[1])
-        for ax, grid, colours, low, high, what in (
-            (row[0], one.layer, "viridis", 0.0, THICK_MM, "layer [mm]"),
-            (row[1], one.finish, "RdYlBu_r", -FINISH_MM, FINISH_MM, "too thin (red) or too thick [mm]"),
+        for ax, grid, colours, span, what in (
+            (row[0], one.layer, "viridis", (0.0, THICK_MM), "layer [mm]"),
+            (row[1], one.finish, "RdYlBu_r", (-FINISH_MM, FINISH_MM), "too thin (red) or too thick [mm]"),
         ):
-            shown = ax.pcolormesh(
-                angle,
-                one.station[rows],
-                1e3 * grid[rows],
-                cmap=colours,
-                vmin=low,
-                vmax=high,
-                shading="nearest",
-            )
-            figure.colorbar(shown, ax=ax)
+            draw_grid(ax, (angle, one.station[rows]), grid[rows], colours, span)
             ax.set_title(f"{one.title}: {what}", fontsize=9)
             for arch in surface.arches:
                 height = surface.profile.point(one.along)[:, 1]

@@ -39,16 +39,7 @@ def spray_plan(layout: Layout, growth: Array, finish: Array) -> bytes:
         ("too thin (red) or too thick (blue), patches [mm]", finish, "RdYlBu_r", (-FINISH_MM, FINISH_MM)),
     )
     for ax, (title, grid, colours, (low, high)) in zip(axes, panels, strict=True):
-        mesh = ax.pcolormesh(
-            angle,
-            target.station[rows],
-            1e3 * grid[rows],
-            cmap=colours,
-            vmin=low,
-            vmax=high,
-            shading="nearest",
-        )
-        figure.colorbar(mesh, ax=ax)
+        draw_grid(ax, (angle, target.station[rows]), grid[rows], colours, (low, high))
         ax.set_title(title, fontsize=10)
         ax.set_ylabel("station [m]")
         for lid in target.arches:
@@ -61,6 +52,15 @@ def spray_plan(layout: Layout, growth: Array, finish: Array) -> bytes:
     figure.savefig(buffer, format="png", dpi=100)
     plt.close(figure)
     return buffer.getvalue()
+
+
+def draw_grid(
+    ax: Any, place: tuple[Array, Array], grid: Array, colours: str, span_mm: tuple[float, float]
+) -> None:
+    """Draw values [m], shape (ns, na), over section angles [deg] and stations [m], with their scale in mm."""
+    low, high = span_mm
+    mesh = ax.pcolormesh(*place, 1e3 * grid, cmap=colours, vmin=low, vmax=high, shading="nearest")
+    ax.figure.colorbar(mesh, ax=ax)
 
 
 def _show_left(ax: Any, layout: Layout, angle: Array) -> None:
