@@ -94,23 +94,17 @@ class JobState:
 class Refusal(Enum):
     """Why a step may not start now; texts are (English, Chinese)."""
 
-    STOPPED = ("Stopped: remove the cause and press reset first.", "已停止：请先排除原因并复位。")
+    STOPPED = ("Stopped: remove the cause, press reset.", "已停止：请先排除原因并复位。")
     BUSY = ("Another step is still running.", "另一步骤正在进行。")
     NEEDS_ZERO = ("Zero the joints first.", "请先关节归零。")
     NEEDS_RECOGNISE = ("Recognise and solve first.", "请先识别解算。")
     NEEDS_LOAD = ("Load the joint sequence first.", "请先读取数据。")
     NEEDS_GO_TO_START = ("Go to the start first.", "请先运动至初始点。")
-    NEEDS_RUN = ("Spray first: this measures what has been laid.", "请先喷射：此步测量已喷厚度。")
-    NEEDS_LIDAR = (
-        "The wall is a cloud file: it cannot be scanned again.",
-        "壁面来自点云文件，无法再次扫描。",
-    )
+    NEEDS_RUN = ("Spray first.", "请先喷射。")
+    NEEDS_LIDAR = ("A cloud file cannot be scanned again.", "点云文件无法再次扫描。")
     COVERED = ("Nothing is left to spray again.", "已无需补喷。")
-    NEEDS_JOYSTICK = (
-        "Semi-automatic mode needs a joystick; none is connected.",
-        "半自动模式需要摇杆；未连接摇杆。",
-    )
-    JOG_NEEDS_JOYSTICK = ("A jog needs a joystick; none is connected.", "点动需要摇杆；未连接摇杆。")
+    NEEDS_JOYSTICK = ("No joystick is connected.", "未连接摇杆。")
+    JOG_NEEDS_JOYSTICK = ("No joystick is connected for a jog.", "点动需要摇杆；未连接摇杆。")
 
 
 def refusal(state: JobState, step: Step) -> Refusal | None:

@@ -464,3 +464,15 @@ def test_no_value_in_the_joint_table_is_cut(open_window: Opener, language: Langu
             index = table.joint_model.index(row, column)
             needed = table.sizeHintForIndex(index).width()
             assert needed < table.columnWidth(column), f"{index.data()!r} needs {needed} px"
+
+
+@pytest.mark.parametrize("language", Language)
+def test_every_refusal_fits_below_its_step(open_window: Opener, language: Language) -> None:
+    window = open_window(ready(2), language)
+    label = window.steps.reasons[Step.RUN]
+    cut = []
+    for refusal in Refusal:
+        label.setText(refusal.value[language])
+        if label.heightForWidth(label.width()) > label.height():
+            cut.append(refusal.value[language])
+    assert cut == []
