@@ -19,6 +19,7 @@ from ascrcp.planning.raster import Raster, Strip, spread
 from ascrcp.planning.target import Target
 from ascrcp.planning.wall import Wall
 
+FLOOR_SPARE_M = 1e-6  # a nozzle turned up to the lowest height must not fall below it by rounding
 LEAST_PASS_M = 0.30  # a shorter pass of a further layer is left to the last layer; one patch
 
 
@@ -257,14 +258,25 @@ class Coverage:
             point = np.column_stack([station, self._surface.profile.point(along, lid.inner)])
         limit = 0.0 if one.arch is not None else np.radians(p.normal_limit_deg)
         theta3 = self._keep_side(spray_angle(wall.normal(station, along, limit)), one.beyond_seam)
+        theta3 = self._keep_off_floor(point, theta3, one)
         direction = spray_direction(np.radians(one.strip.tilt_deg), theta3)
         nozzle = point - self._stand_off(one) * direction
         nozzle = withdraw(nozzle, direction, self._surface, self._raster, p.arch_clearance_m)
         keep = wall.sample(wall.unseen, station, along) <= p.bridge_m
-        keep &= nozzle[:, 2] >= wall.floor_z + p.floor_clearance_m
+        keep &= (nozzle[:, 2] >= wall.floor_z + p.floor_clearance_m) & (point[:, 2] >= wall.floor_z)
         if keep.sum() < 2:
             return None
         return nozzle[keep], point[keep], along[keep], theta3[keep]
+
+    def _keep_off_floor(self, point: Array, theta3: Array, one: _Pass) -> Array:
+        """Point the jet down where its nozzle would be too near the floor, as far as the process allows."""
+        p = self._parameters
+        reach = self._stand_off(one) * np.sin(np.radians(one.strip.tilt_deg))
+        steepest = (point[:, 2] - self._wall.floor_z - p.floor_clearance_m - FLOOR_SPARE_M) / reach
+        down = np.arcsin(np.clip(steepest, -1.0, 1.0))
+        turned = np.where(np.cos(theta3) < 0.0, np.pi - down, down)
+        low = (np.sin(theta3) > steepest) & (np.abs(turned - theta3) <= np.radians(p.floor_tilt_deg))
+        return np.where(low, turned, theta3)
 
     def _stand_off(self, one: _Pass) -> float:
         """Nozzle to wall [m]: nearer, with a narrower jet, where a small place is filled or sprayed again."""

@@ -23,6 +23,10 @@ from ascrcp.planning.target import Left, Target
 SAMPLES = (0.25, 0.75)  # of a stretch where its jet stands: 0.1 m apart, less than the footprint's deviation
 LEAST_LENGTH_M = 0.02  # a stretch on which the nozzle only turns
 EXPOSED = 0.45  # of the median exposure, below which a cell cannot be brought to the target; placeholder
+SHADOW_M = (
+    0.25  # so near an arch what no jet exposes lies in its shadow: flanges, and jets oblique beside them
+)
+STEEP_DEG = 45.0  # a flank steeper than this catches too little of a jet square to the bay; placeholder
 LAYER_SLACK = 1.5  # a stretch may lay so much more than its share of the layer limit: its neighbours lay less
 LEAST_YIELD = 0.3  # a stretch that loses more is not driven harder; placeholder
 ROUNDS = 4  # of weighting the excess: the set of patches that have one hardly changes any more
@@ -195,12 +199,17 @@ def held_back(target: Target, process: ProcessParameters) -> Array:
     What a flank catches and throws back is known worse the more obliquely the jet meets it: the share
     grows with the square of the sine of the wall's slope, as the rebound by angle does.
     """
+    return np.asarray(process.dose.hold_back + process.dose.hold_back_slope * steepness(target))
+
+
+def steepness(target: Target) -> Array:
+    """Compute sin^2 of the rock's slope against the design line, 0 on arches, shape (ns, na)."""
     ds, da = target.cell
     rock = np.where(target.arch, target.rock, target.offset)
     smooth = gaussian_filter(rock, (SLOPE_SIGMA_M / ds, SLOPE_SIGMA_M / da), mode="nearest")
     by_station, by_along = np.gradient(smooth, ds, da)
     steep = np.where(target.arch, 0.0, by_station**2 + by_along**2)
-    return np.asarray(process.dose.hold_back + process.dose.hold_back_slope * steep / (1.0 + steep))
+    return np.asarray(steep / (1.0 + steep))
 
 
 def descend(gradient: Callable[[Array], Array], highest: Array, start: Array, iterations: int) -> Array:
@@ -297,6 +306,11 @@ def explain(
     """
     left = target.left.copy()
     left[target.inside & ~reached] = Left.ARM
-    left[target.inside & ~planned] = Left.SHADOW
-    left[target.inside & ~planned & low] = Left.FLOOR
+    bare = target.inside & ~planned
+    beside = np.zeros(left.shape, dtype=bool)
+    for lid in target.arches:
+        beside |= np.abs(target.station[:, None] - lid.station) <= lid.half + SHADOW_M
+    left[bare] = np.where(steepness(target)[bare] > np.sin(np.radians(STEEP_DEG)) ** 2, Left.STEEP, Left.EDGE)
+    left[bare & beside] = Left.SHADOW
+    left[bare & low] = Left.FLOOR
     return left

@@ -8,7 +8,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.planning.parameter import PlanningParameters
 from ascrcp.planning.process import LayerParameters, ProcessParameters
 from ascrcp.planning.target import Target, mean_patch
-from ascrcp.planning.wall import Wall
+from ascrcp.planning.wall import Wall, past_heaps
 
 SMALLEST_M2 = 0.08  # a smaller part of a further layer is left to the last one; about a patch
 EVENNESS = 0.75  # mean over largest thickness of one layer: passes in a deep place are few and end in it
@@ -59,18 +59,19 @@ def smooth_wall(target: Target, offset: Array, wall: Wall, parameters: PlanningP
     ds, da = target.cell
     rock = np.where(target.arch, target.rock, offset)
 
-    def smooth(sigma: float) -> Array:
-        return np.asarray(gaussian_filter(rock, (sigma / ds, sigma / da), mode="nearest"))
+    def smooth(grid: Array, sigma: float) -> Array:
+        return np.asarray(gaussian_filter(grid, (sigma / ds, sigma / da), mode="nearest"))
 
+    straight = past_heaps(rock, target.profile.arch_line)
     station, along = np.meshgrid(target.station, target.along, indexing="ij")
     unseen = wall.sample(wall.unseen, station.ravel(), along.ravel()).reshape(rock.shape)
     return Wall(
         profile=target.profile,
         station=target.station,
         along=target.along,
-        offset=smooth(parameters.position_smooth_m),
+        offset=smooth(rock, parameters.position_smooth_m),
         raw=rock,
-        slope=np.gradient(smooth(parameters.normal_smooth_m), da, axis=1),
+        slope=np.gradient(smooth(straight, parameters.normal_smooth_m), da, axis=1),
         unseen=unseen,
         floor_z=wall.floor_z,
     )

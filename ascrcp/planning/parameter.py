@@ -31,6 +31,7 @@ class PlanningParameters(Struct):
         normal_limit_deg: Largest angle between the normal used and the design line's.
         bridge_m: Wall further than this from anything seen is left out.
         floor_clearance_m: Lowest nozzle above the floor.
+        floor_tilt_deg: By how much a jet may point down where its nozzle would be lower.
         arch_clearance_m: Nearest nozzle to an arch's inner flange.
     """
 
@@ -47,6 +48,7 @@ class PlanningParameters(Struct):
     normal_limit_deg: Annotated[float, Meta(ge=0.0, le=60.0)]
     bridge_m: Annotated[float, Meta(ge=0.0, le=2.0)]
     floor_clearance_m: Annotated[float, Meta(ge=0.0, le=3.0)]
+    floor_tilt_deg: Annotated[float, Meta(ge=0.0, le=45.0)]
     arch_clearance_m: Annotated[float, Meta(ge=0.0, le=1.0)]
 
     def __post_init__(self) -> None:

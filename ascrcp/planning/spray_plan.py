@@ -178,7 +178,7 @@ def _dosed(surface: Surface, layout: Layout, stretches: Stretches, process: Proc
     # beside what can be brought to the target, what must not get more counts too
     must_not = target.offset <= target.wanted
     if layout.again:
-        must_not = target.inside | (target.left == Left.SHADOW)
+        must_not = target.inside | np.isin(target.left, (Left.SHADOW, Left.STEEP, Left.EDGE))
     mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
     dose = solve_dose(stretches, layout.lines, target, process, mask)
     speed, flow = choose_speed(dose, layout.lines, process)

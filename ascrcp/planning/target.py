@@ -12,11 +12,10 @@ from ascrcp.core.geometry import Array
 from ascrcp.core.profile import Profile
 from ascrcp.perception.profile_line import crown_height, curvature
 from ascrcp.planning.process import ProcessParameters
-from ascrcp.planning.wall import Wall
+from ascrcp.planning.wall import HEAP_M, Wall
 
 ARCH_DEPTH_M = 0.15  # inner to outer flange: HW 150 class; placeholder
 MARGIN_M = 0.5  # grid beyond the unsprayed part: what is sprayed past its ends is reckoned too
-BEFORE_M = 0.08  # what lies so far inside the arch line is no wall to be sprayed; placeholder
 GRAIN_SHARE = 0.5  # one sigma of the window over a cell's rock, in cells: neither alias nor blur
 
 
@@ -148,9 +147,10 @@ def find_target(surface: Surface, wall: Wall, process: ProcessParameters, bridge
         wanted = np.where(on, lid.inner - p.cover_arch_m, wanted)
     left = np.full(shape, Left.NOT, dtype=np.uint8)
     left[(wall.sample(wall.unseen, S, A).reshape(shape) > bridge) & ~arch] = Left.UNSEEN
-    before = binary_dilation(smooth < profile.arch_line - BEFORE_M, iterations=2)
+    before = binary_dilation(smooth < profile.arch_line - HEAP_M, iterations=2)
     left[before & ~arch] = Left.BEFORE
     left[(station < first) | (station > last)] = Left.OUTSIDE
+    left[:, profile.point(along)[:, 1] < wall.floor_z] = Left.OUTSIDE  # the floor covers it
     area = (station[1] - station[0]) * (along[1] - along[0]) * (1.0 + curvature(profile, along) * wanted)
     return Target(profile, station, along, rock, offset, wanted, arch, left, arches, area)
 

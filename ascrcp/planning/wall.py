@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates
+from scipy.ndimage import binary_dilation, distance_transform_edt, gaussian_filter, map_coordinates
 
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import Label, Surface
@@ -14,9 +14,10 @@ from ascrcp.planning.parameter import PlanningParameters
 
 MIN_FLOOR_POINTS = 50  # fewer ground points than this tell nothing about the floor; placeholder
 FLOOR_BEHIND_M = 3.0  # ground up to one round behind the unsprayed part counts, design.md section 1
+HEAP_M = 0.08  # what stands so far inside the arch line is muck or the like, no wall; placeholder
 FACE_M = 0.15  # the face bulges by less than this into the unsprayed part; placeholder
-FACE_SHARE = (
-    0.5  # of the way from design line to arch line: what stands further in there is face; placeholder
+STANDING_SHARE = (
+    0.5  # of the way from design to arch line: further in stands face or heap, no wall; placeholder
 )
 
 
@@ -97,13 +98,14 @@ def fit_wall(surface: Surface, parameters: PlanningParameters) -> Wall:
     step = (surface.station[1] - surface.station[0], surface.along[1] - surface.along[0])
     unseen, nearest = distance_transform_edt(~known, sampling=step, return_indices=True)
     offset = surface.offset.astype(float)[tuple(nearest)]
+    straight = past_heaps(offset, surface.profile.arch_line)
     return Wall(
         profile=surface.profile,
         station=surface.station,
         along=surface.along,
         offset=_smooth(offset, parameters.position_smooth_m, step),
         raw=offset,
-        slope=np.gradient(_smooth(offset, parameters.normal_smooth_m, step), step[1], axis=1),
+        slope=np.gradient(_smooth(straight, parameters.normal_smooth_m, step), step[1], axis=1),
         unseen=unseen,
         floor_z=find_floor(surface),
     )
@@ -126,7 +128,16 @@ def _is_face(surface: Surface) -> NDArray[np.bool_]:
     """Mark cells of the last rows that show the face's own rock, bulging before the wall, shape (ns, na)."""
     last = surface.station > surface.unsprayed[1] - FACE_M
     with np.errstate(invalid="ignore"):
-        return np.asarray(last[:, None] & (surface.offset < FACE_SHARE * surface.profile.arch_line))
+        return np.asarray(last[:, None] & (surface.offset < STANDING_SHARE * surface.profile.arch_line))
+
+
+def past_heaps(offset: Array, arch_line: float) -> Array:
+    """Continue the wall past what stands before it: a heap's flank is no slope of the wall above it."""
+    heap = binary_dilation(offset < STANDING_SHARE * arch_line, np.ones((3, 3)))
+    if not heap.any() or heap.all():
+        return offset
+    nearest = distance_transform_edt(heap, return_distances=False, return_indices=True)
+    return np.asarray(offset[tuple(nearest)])
 
 
 def _smooth(grid: Array, sigma: float, step: tuple[float, float]) -> Array:
