@@ -4,7 +4,18 @@ import numpy as np
 import pytest
 from run import CONTROL
 
-from ascrcp.cli.bench_round import ASKED, SLACK, STEP_KG, Cell, Commissioned, plan_round, run_round, shorten
+from ascrcp.cli.bench_round import (
+    ASKED,
+    SLACK,
+    STEP_KG,
+    Cell,
+    Commissioned,
+    _Driver,
+    plan_round,
+    run_round,
+    shorten,
+)
+from ascrcp.control.tracker import Tracker
 from ascrcp.kinematics.arm import load_arm
 from ascrcp.simulation.rig import load_rig_config
 
@@ -68,3 +79,23 @@ def test_joint_at_half_its_gain_is_slower_never_unstable(sequences, number):
     run = run_round(standing_at(sequences[0.0], number), KNOWN, sequences[0.0], 1, 0.0)
     assert run.state == "finished", run.reason
     assert run.mm[1] <= 100.0 and np.isfinite(run.joint).all()
+
+
+def learned_of_the_lance(sequence, payload: float) -> float:
+    """Follow a sequence; return the lance's learned factor up over the one down, the last half's mean."""
+    ratios = []
+
+    def note(cell: Cell, progress: float) -> None:
+        down, up = driver._tracker._follower._joints[3].control.estimator.factor
+        ratios.append(up / down)
+
+    with Cell(load_rig_config(standing_at(sequence)), ARM, ARM, 4, payload) as cell:
+        driver = _Driver(cell, Tracker(ARM, CONTROL))
+        driver.follow(sequence, note)
+    return float(np.mean(ratios[len(ratios) // 2 :]))
+
+
+def test_load_shows_in_what_the_lance_has_learned():
+    """Design section 6: 0.05 per 100 kg, so 181 kg stand out from what half a minute leaves uncertain."""
+    sequence = shorten(plan_round(ARM, 90.0, 300), 30.0)
+    assert learned_of_the_lance(sequence, 181.0) < learned_of_the_lance(sequence, 0.0) - 0.03
