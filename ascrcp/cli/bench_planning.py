@@ -14,11 +14,12 @@ from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.planning.parameter import Parameters, change, load_parameters
 from ascrcp.planning.path import plan as plan_thesis
-from ascrcp.planning.prediction import judge
+from ascrcp.planning.prediction import judge, predict
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.pump import laid_amount
 from ascrcp.planning.rescan import find_after
 from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
+from ascrcp.planning.target import LEFT_TEXT
 from ascrcp.simulation.bare_wall import grow_heading
 
 HEADINGS = 20
@@ -39,7 +40,7 @@ class Sprayed:
         concrete: What stuck after both over what was wanted where it was sprayed.
         rebound: Share of the pumped concrete that rebounded.
         planned, reached: Points.
-        left: Area that was to be sprayed but is unseen, shadowed or out of reach [m2].
+        left: Area the plan said before spraying that it leaves out, by the code of its reason [m2].
         stand_off: Share of the thesis's points within 20 mm of 1 m to the true smoothed wall.
         direction: Share of them whose direction is within 2 deg of the wanted one.
         plan_s: Processor time of planning [s].
@@ -55,7 +56,7 @@ class Sprayed:
     rebound: float
     planned: int
     reached: int
-    left: float
+    left: dict[str, float]
     stand_off: float
     direction: float
     plan_s: float
@@ -92,7 +93,7 @@ def spray_heading(arm: Arm, seed: int, parameters: Parameters) -> Sprayed:
         rebound=rebound,
         planned=len(plan.path),
         reached=reached,
-        left=float(driven.target.area[driven.target.left > 1].sum()),
+        left=predict(driven, parameters.process).left,
         stand_off=float((np.abs(reach - parameters.path.stand_off_m) <= STAND_OFF_M).mean()),
         direction=float((off <= np.radians(DIRECTION_DEG)).mean()),
         plan_s=plan_s,
@@ -178,7 +179,7 @@ def list_figures(found: list[Sprayed], parameters: Parameters) -> list[Figure]:
         return Figure(what, 100 * joined(name).within(tolerance), "%", aim, more_is_better=True, note=note)
 
     first, second, thesis = joined("first"), joined("second"), joined("thesis")
-    left = sum(one.left for one in found) / len(found)
+    left = {code: sum(one.left.get(code, 0.0) for one in found) / len(found) for code in LEFT_TEXT}
     planned, reached = sum(one.planned for one in found), sum(one.reached for one in found)
     ratio = [one.concrete for one in found]
     gain = [one.thesis.deviation / one.first.deviation for one in found]
@@ -228,7 +229,13 @@ def list_figures(found: list[Sprayed], parameters: Parameters) -> list[Figure]:
             "points reached",
             100.0 * reached / planned,
             "%",
-            note=f"of {planned}; {left:.1f} m2 a heading left out",
+            note=f"of {planned}",
+        ),
+        Figure(
+            "left out of a heading, told before spraying",
+            sum(left.values()),
+            "m2",
+            note=", ".join(f"{area:.2f} {code}" for code, area in left.items() if area >= 0.005),
         ),
         Figure(
             "planning a heading",

@@ -6,14 +6,16 @@ from planning_heading import heading
 
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import JointSequence, Surface
+from ascrcp.core.geometry import apply_transform, inverse_transform
+from ascrcp.planning.dose import explain, held_back, steepness
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.parameter import change, load_parameters
 from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow, laid_amount
 from ascrcp.planning.rescan import find_after
 from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
-from ascrcp.planning.target import Left
-from ascrcp.planning.wall import find_floor
+from ascrcp.planning.target import LEFT_TEXT, Left
+from ascrcp.planning.wall import find_floor, fit_wall
 
 PARAMETERS = load_parameters()
 PROCESS = PARAMETERS.process
@@ -202,3 +204,70 @@ def test_same_surface_same_plan() -> None:
     again = make()
     assert again.path.position.tobytes() == PLAN.path.position.tobytes()
     assert again.path.flow.tobytes() == PLAN.path.flow.tobytes()
+
+
+def test_flanks_are_held_back_and_arches_are_not_flanks() -> None:
+    held, steep = held_back(PLAN.target, PROCESS), steepness(PLAN.target)
+    assert (steep[PLAN.target.arch] == 0.0).all() and (steep < 1.0).all() and steep.max() > 0.2
+    np.testing.assert_allclose(held[PLAN.target.arch], PROCESS.dose.hold_back)
+    order = np.argsort(steep.ravel())
+    assert (np.diff(held.ravel()[order]) >= 0.0).all()
+    assert held.max() <= PROCESS.dose.hold_back + PROCESS.dose.hold_back_slope
+
+
+def test_jets_point_down_above_the_floor_and_leave_nothing_but_its_lap() -> None:
+    stiff = plan_spray(SURFACE, change(PARAMETERS.path, floor_tilt_deg=0.0), PROCESS)
+    low = find_floor(SURFACE) + PARAMETERS.path.floor_clearance_m
+    for plan in (stiff, PLAN):
+        assert plan.lines.nozzle[:, 2].min() >= low - 1e-9
+        assert plan.lines.wall[:, 2].min() >= find_floor(SURFACE)
+    ours, theirs = (predict(plan, PROCESS).left.get(Left.FLOOR.code, 0.0) for plan in (PLAN, stiff))
+    assert ours < 0.7 * theirs
+
+
+def test_a_place_narrower_than_the_passes_gets_one() -> None:
+    middle = PLAN.target.station[np.argmin(np.abs(PLAN.target.station - 11.81))]
+    thin = (PLAN.target.station[:, None] == middle) & (np.abs(PLAN.target.along - 13.0) < 0.5)
+    after = np.where(thin, PLAN.target.wanted + 0.12, PLAN.target.wanted)
+    assert make(after=after).growth[thin].mean() > 0.02
+
+
+def test_a_heap_before_the_wall_does_not_turn_the_jets_above_it() -> None:
+    angle = np.degrees(SURFACE.profile.angle(SURFACE.along))
+    flat = dataclasses.replace(SURFACE, offset=np.zeros_like(SURFACE.offset))
+    heap = dataclasses.replace(flat, offset=np.where(angle < 10.0, -0.5, flat.offset).astype(np.float32))
+    a, b = fit_wall(flat, PARAMETERS.path), fit_wall(heap, PARAMETERS.path)
+    station, along = np.full(20, 11.8), np.linspace(SURFACE.along[angle > 12.0][0], 6.0, 20)
+    limit = np.radians(PARAMETERS.path.normal_limit_deg)
+    np.testing.assert_allclose(a.normal(station, along, limit), b.normal(station, along, limit), atol=1e-6)
+    assert b.offset.min() < -0.45
+
+
+def test_the_face_in_the_last_rows_is_no_wall() -> None:
+    offset = SURFACE.offset.copy()
+    offset[SURFACE.station > SURFACE.unsprayed[1] - 0.08] = -0.3
+    wall = fit_wall(dataclasses.replace(SURFACE, offset=offset), PARAMETERS.path)
+    assert wall.raw[wall.station > SURFACE.unsprayed[1] - 0.08].min() > -0.11
+
+
+def test_a_hole_behind_a_rim_is_read_by_the_line_of_sight() -> None:
+    target = PLAN.target
+    cloud = scan_of(PLAN, np.full(target.offset.shape, 0.02))
+    row = int(np.argmin(np.abs(target.station - 11.8)))
+    T = inverse_transform(SURFACE.axis.T_base_tunnel)
+    station = apply_transform(T, cloud.astype(float))[:, 0]
+    hidden = np.abs(station - target.station[row]) < 1.5 * target.cell[0]
+    found = find_after(cloud[~hidden], SURFACE, target)
+    clear = (np.abs(target.along - 13.0) < 2.0) & ~target.arch[row - 2 : row + 3].any(axis=0)
+    chord = (found[row - 2] + found[row + 2]) / 2.0
+    np.testing.assert_allclose(found[row, clear], chord[clear], atol=1e-6)
+
+
+def test_what_no_jet_exposes_is_told_apart() -> None:
+    nothing = np.zeros(PLAN.target.offset.shape, dtype=bool)
+    fresh = dataclasses.replace(PLAN.target, left=np.zeros_like(PLAN.target.left))
+    left = explain(fresh, nothing, nothing, nothing)
+    assert set(np.unique(left)) == {Left.SHADOW, Left.STEEP, Left.EDGE}
+    middle = np.argmin(np.abs(fresh.station - fresh.arches[0].station.mean()))
+    assert (left[middle] == Left.SHADOW).all()
+    assert {reason.code for reason in Left} - {"not", "outside"} == set(LEFT_TEXT)
