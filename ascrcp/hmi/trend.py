@@ -186,6 +186,8 @@ class TrendView(Panel):
             self._plot = load_plot()(self._screen)
             self._column.takeAt(self._column.count() - 1)
             self._column.addWidget(self._plot.widget, 1)
+            self._plot.widget.show()  # at once, for a picture taken before the next event
+            self._column.activate()
         return self._plot
 
 

@@ -94,7 +94,7 @@ class JobState:
 class Refusal(Enum):
     """Why a step may not start now; texts are (English, Chinese)."""
 
-    STOPPED = ("Stopped: remove the cause, press reset.", "已停止：请先排除原因并复位。")
+    STOPPED = ("Stopped: remove the cause, press reset.", "请先排除原因并复位。")
     BUSY = ("Another step is still running.", "另一步骤正在进行。")
     NEEDS_ZERO = ("Zero the joints first.", "请先关节归零。")
     NEEDS_RECOGNISE = ("Recognise and solve first.", "请先识别解算。")

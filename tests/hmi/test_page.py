@@ -249,10 +249,10 @@ def test_trend_plot_shows_the_last_minutes(open_window: Opener, screen: Screen) 
         session.more = {"t_s": float(k), "q": (0.001 * k,) * 8}
         window.refresh()
     window.refresh()
-    show(window)
-    assert not page.trend.geometry().intersects(page.table.geometry())
     plot = page.trend._plot
     assert plot is not None and plot.widget.isVisible()
+    assert plot.widget.height() > 0.5 * page.trend.height()
+    assert not page.trend.geometry().intersects(page.table.geometry())
     t, shown = plot._actual.getData()
     assert t[-1] == pytest.approx(0.0, abs=5.0) and t[0] >= -screen.trend_s
     assert shown[-1] == pytest.approx(math.degrees(0.001 * (t[-1] + 199)), abs=0.1)
