@@ -48,6 +48,7 @@ class LidarServer:
         self._pipe, theirs = context.Pipe()
         self._port: int | None = None
         self._lock = threading.Lock()  # the rig sprays while another thread plants faults or asks
+        self._asking = threading.Lock()  # of its own: the rig must not wait for an answer
         self._process = context.Process(
             target=serve, args=(config, int(seed), self._poses, theirs), name="lidar", daemon=True
         )
@@ -110,9 +111,10 @@ class LidarServer:
             DeviceError: The process does not answer.
         """
         _ = self.port  # the first thing it says
-        with self._lock:
+        with self._asking:
             try:
-                self._pipe.send(("concrete", None))
+                with self._lock:
+                    self._pipe.send(("concrete", None))
                 if self._pipe.poll(ANSWER_LIMIT_S):
                     found: dict[str, Any] = self._pipe.recv()
                     return found
