@@ -7,6 +7,7 @@ from ascrcp.hmi.panel import Panel, make_button, make_label, set_text
 from ascrcp.hmi.text import Language, say
 
 DIGITS = ("7", "8", "9", "4", "5", "6", "1", "2", "3")
+ENTRY_PX = 60
 BACK = "⌫"
 LONGEST = 12
 """Characters of an entry."""
@@ -26,6 +27,7 @@ class NumberPad(Panel):
         self._is_secret = is_secret
         self.text = ""
         self.entry = make_label("entry")
+        self.entry.setFixedHeight(ENTRY_PX)
         self.keys: dict[str, QPushButton] = {}
         grid = QGridLayout(self)
         grid.setContentsMargins(0, 0, 0, 0)
@@ -39,6 +41,7 @@ class NumberPad(Panel):
             self.keys[key].setVisible(not is_secret)
         self.enter = make_button("plain", name="pad_enter")
         grid.addWidget(self.enter, 3, 3, 2, 1)
+        grid.setRowStretch(5, 1)  # a taller screen does not blow the entry up
         self.enter.clicked.connect(lambda: self.entered.emit(self.text))
         self._write()
 
