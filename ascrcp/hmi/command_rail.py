@@ -100,7 +100,6 @@ class CommandRail(Panel):
         )
         is_busy = snapshot.job.active is not None or snapshot.job.jogging
         self.cancel_button.setEnabled(is_busy)
-        self.theme_button.setEnabled(not is_busy)  # a change of theme takes longer than a cycle
         self.reset_button.setEnabled(not snapshot.estop and (snapshot.job.stopped or bool(snapshot.causes)))
 
     def _press_quit(self) -> None:

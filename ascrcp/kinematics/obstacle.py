@@ -11,7 +11,7 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt, label, map_coordinates, maximum
+from scipy.ndimage import distance_transform_edt, label, map_coordinates
 
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import Label, Surface
@@ -39,7 +39,8 @@ BODY_POINTS = 30
 """Fewer points than this in one piece are no body."""
 
 BODY_WIDTH = 0.25
-"""A body is wider than this in the level [m]; falling water is not."""
+"""A body is wider than this in the level [m]; falling water is not. That of even points with the same
+variance: a few of the dust beside a falling stream do not make it wide."""
 
 CARRIER_REACH = 1.5
 """How far round the carrier its distance is entered [m]: beyond, nothing asks for it."""
@@ -188,9 +189,9 @@ def _find_bodies(surface: Surface, room: Room, arm: Arm, scan_q: ArrayLike) -> A
     piece = label(count.reshape(shape) >= BODY_DENSITY, np.ones((3, 3, 3)))[0][tuple(cell.T)]
     size = np.bincount(piece)
     size[0] = 0
-    ends = [maximum(local[:, k], piece, np.arange(len(size))) for k in (0, 1)]
-    starts = [-maximum(-local[:, k], piece, np.arange(len(size))) for k in (0, 1)]
-    width = np.max([end - start for end, start in zip(ends, starts, strict=True)], axis=0)
+    share = 1.0 / np.maximum(np.bincount(piece), 1)
+    spread = [np.bincount(piece, (x - (share * np.bincount(piece, x))[piece]) ** 2) for x in local[:, :2].T]
+    width = np.sqrt(12.0 * share * np.maximum(*spread))
     return np.asarray(local[((size >= BODY_POINTS) & (width > BODY_WIDTH))[piece]])
 
 

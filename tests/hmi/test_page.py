@@ -119,10 +119,7 @@ def test_theme_can_be_switched_at_rest_and_back(open_window: Opener, qtbot: QtBo
     assert middle() == rgb(colours.night.colours.background)
     qtbot.mouseClick(window.rail.theme_button, Qt.MouseButton.LeftButton)
     assert middle() == rgb(colours.day.colours.background)
-    session.start(Step.RUN)
-    show(window, 1)
-    assert not window.rail.theme_button.isEnabled()
-    session.job = JobState(stopped=False)
+    session.start(Step.RUN)  # into the tunnel and out of it the arm may move
     show(window, 1)
     qtbot.mouseClick(window.rail.theme_button, Qt.MouseButton.LeftButton)
     assert middle() == rgb(colours.night.colours.background)

@@ -145,7 +145,9 @@ def test_dust_and_falling_water_and_the_arm_itself_are_no_bodies():
     start, end = (ends[0] for ends in make_body(arm).segments(arm, arm.zero_pose[None]))
     own = start[4] + rng.uniform(0, 1, (2000, 1)) * (end - start)[4] + rng.normal(0.0, 0.08, (2000, 3))
     plain = Obstacles.from_surface(smooth_heading(), arm)
-    cluttered = Obstacles.from_surface(smooth_heading(body=np.concatenate([dust, water, own])), arm)
+    beside = water[:12] + rng.uniform([-0.19, -0.19, 0.0], [0.19, 0.19, 0.0], (12, 3))  # dust that touches it
+    clutter = np.concatenate([dust, water, beside, own])
+    cluttered = Obstacles.from_surface(smooth_heading(body=clutter), arm)
     np.testing.assert_array_equal(plain.kind, cluttered.kind)
 
 
