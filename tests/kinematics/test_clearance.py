@@ -141,11 +141,11 @@ def test_kinds_are_told_apart():
 def test_dust_and_falling_water_and_the_arm_itself_are_no_bodies():
     arm, rng = load_arm("kc"), np.random.default_rng(4)
     dust = rng.uniform([6.0, -3.0, -2.0], [12.5, 3.0, 3.0], (600, 3))
-    water = np.column_stack([rng.normal([12.0, 2.0], 0.01, (300, 2)), rng.uniform(-3.0, 4.0, 300)])
+    water = np.column_stack([rng.normal([12.0, 2.0], 0.02, (900, 2)), rng.uniform(-3.0, 4.0, 900)])
     start, end = (ends[0] for ends in make_body(arm).segments(arm, arm.zero_pose[None]))
     own = start[4] + rng.uniform(0, 1, (2000, 1)) * (end - start)[4] + rng.normal(0.0, 0.08, (2000, 3))
     plain = Obstacles.from_surface(smooth_heading(), arm)
-    beside = water[:12] + rng.uniform([-0.19, -0.19, 0.0], [0.19, 0.19, 0.0], (12, 3))  # dust that touches it
+    beside = water[:30] + rng.uniform([-0.19, -0.19, 0.0], [0.19, 0.19, 0.0], (30, 3))  # dust that touches it
     clutter = np.concatenate([dust, water, beside, own])
     cluttered = Obstacles.from_surface(smooth_heading(body=clutter), arm)
     np.testing.assert_array_equal(plain.kind, cluttered.kind)
