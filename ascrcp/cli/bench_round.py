@@ -28,7 +28,7 @@ from ascrcp.core.errors import AscrcpError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, load_arm
-from ascrcp.kinematics.calibration import calibrate
+from ascrcp.kinematics.calibration import NoGainError, calibrate
 from ascrcp.kinematics.calibration import load_config as load_calibration
 from ascrcp.kinematics.identifiability import FULL_HOSE_KG
 from ascrcp.kinematics.machine_file import encode_machine
@@ -110,14 +110,17 @@ def commission(overlay: Overlay, seed: int, machine: str = "kc", has_survey: boo
 
 
 def _survey(config: RigConfig, arm: Arm, seed: int, machine: str) -> Arm:
-    """Calibrate zeros and sag to a survey of the rig."""
+    """Calibrate zeros and sag to a survey of the rig; the file stays where that would not better it."""
     rng = np.random.default_rng([seed, 2])
     payload = np.round(rng.uniform(0.0, FULL_HOSE_KG, SURVEY))
     seen = survey_rig(config, arm, draw_poses(arm, SURVEY, rng), payload, seed, rng)
     with tempfile.TemporaryDirectory() as folder:
         survey, file = Path(folder) / "survey.csv", Path(folder) / "machine.yaml"
         write_observations(survey, arm, seen)
-        found = calibrate(arm, seen, load_calibration(), ("zeros", "sag"))
+        try:
+            found = calibrate(arm, seen, load_calibration(), ("zeros", "sag"))
+        except NoGainError:
+            return arm
         file.write_bytes(encode_machine(machine, survey, found))
         return load_arm(str(file))
 

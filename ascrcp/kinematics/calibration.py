@@ -36,6 +36,10 @@ SAG_BOUNDS = {"own_mm": (0.0, np.inf), "load_mm_per_kg": (0.0, np.inf), "exponen
 """What the machine file allows."""
 
 
+class NoGainError(InputError):
+    """The machine file predicts a survey as well as any calibration to it would: keep it."""
+
+
 class CalibrationConfig(Struct):
     """How a calibration judges; config/calibration.yaml says each number's source."""
 
@@ -132,7 +136,8 @@ def calibrate(
 
     Raises:
         InputError: Unknown names, too few rows, a parameter or joint not exercised, data that do not
-            belong to this machine, or a result that predicts no better.
+            belong to this machine.
+        NoGainError: A result that predicts no better than the file as it is.
     """
     parameters, held = _choose(arm, config, groups, hold)
     _check_rows(seen, len(parameters), config)
@@ -295,7 +300,7 @@ def _judge(found: Calibrated, problem: Problem, x: Array, config: CalibrationCon
             f"allowed {limit:.4g}: check columns, frame and units, or hold it"
         )
     if not found.held_out.mean_mm < found.before.mean_mm:
-        raise InputError(
+        raise NoGainError(
             f"{problem.seen.source}: a calibration predicts no better: mean {found.before.mean_mm:.1f} mm "
             f"with the file as it is, {found.held_out.mean_mm:.1f} mm on rows not fitted"
         )

@@ -10,7 +10,7 @@ from ascrcp.devices.machine_link import load_can_config
 from ascrcp.devices.sensor import SensorArray
 from ascrcp.kinematics import load_arm, sagged_forward
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.calibration import calibrate
+from ascrcp.kinematics.calibration import NoGainError, calibrate
 from ascrcp.kinematics.machine_file import encode_machine
 from ascrcp.kinematics.observation import Observations, read_observations, write_observations
 from ascrcp.kinematics.parameter import (
@@ -131,7 +131,7 @@ def test_data_of_another_machine_or_frame_are_refused():
 
 
 def test_a_machine_that_is_right_already_is_left_alone():
-    with pytest.raises(InputError, match="predicts no better"):
+    with pytest.raises(NoGainError, match="predicts no better"):
         calibrate(ARM, survey(60, 8, parameters=[]).seen, CONFIG)
 
 
