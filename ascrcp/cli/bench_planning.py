@@ -12,9 +12,10 @@ from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.obstacle import Obstacles
+from ascrcp.planning.finish import judge_finish
 from ascrcp.planning.parameter import Parameters, change, load_parameters
 from ascrcp.planning.path import plan as plan_thesis
-from ascrcp.planning.prediction import judge, predict
+from ascrcp.planning.prediction import predict
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.pump import laid_amount
 from ascrcp.planning.rescan import find_after
@@ -118,9 +119,10 @@ def bend(site: Site, driven: SprayPlan, sequence: JointSequence, rng: np.random.
     stretches = replan(driven.layout, site.surface, driven.path, reached, other).dose.stretches
     amount = laid_amount(sequence, stretches.first, stretches.length, len(driven.path), process.spray)
     growth = (stretches.growth @ amount).reshape(driven.target.offset.shape)
-    finish = judge(driven, growth, process)
+    target = driven.target
+    finish = judge_finish(target.offset - growth, target, driven.exposed, process.target).value
     ok = np.isfinite(finish)
-    return Finish(finish[ok], driven.target.area[ok])
+    return Finish(finish[ok], target.area[ok])
 
 
 def bend_process(process: ProcessParameters, rng: np.random.Generator) -> ProcessParameters:

@@ -7,10 +7,11 @@ import numpy as np
 
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
+from ascrcp.planning.finish import Finish, judge_finish
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.pump import laid_amount
 from ascrcp.planning.spray_plan import SprayPlan
-from ascrcp.planning.target import Left, mean_finish, mean_patch
+from ascrcp.planning.target import Left, mean_patch
 
 
 @dataclass(frozen=True)
@@ -19,14 +20,8 @@ class Prediction:
 
     Attributes:
         growth: Layer, shape (ns, na).
-        finish: Mean distance of each patch from the wanted surface, outward (too thin) positive, NaN where
-            not judged, shape (ns, na).
-        within: Share of the judged area within the tolerance.
-        thinnest: Largest lack of a patch, 0 if none lacks.
-        thickest: Largest excess of a patch, 0 if none has.
-        deviation: Standard deviation of the finish.
-        area: Judged area [m2].
-        wanted: Concrete wanted on it [m3].
+        finish: How near it comes to the wanted surface.
+        wanted: Concrete wanted on the judged area [m3].
         laid: Concrete that sticks, wherever [m3].
         pumped: Concrete pumped [m3].
         layer: Thickest layer laid by one run of passes over a patch.
@@ -36,12 +31,7 @@ class Prediction:
     """
 
     growth: Array
-    finish: Array
-    within: float
-    thinnest: float
-    thickest: float
-    deviation: float
-    area: float
+    finish: Finish
     wanted: float
     laid: float
     pumped: float
@@ -58,11 +48,7 @@ class Prediction:
     def to_dict(self) -> dict[str, Any]:
         """Return plain values for plan.json; millimetres where the key says so."""
         return {
-            "within_tolerance": self.within,
-            "finish_std_mm": 1e3 * self.deviation,
-            "thinnest_mm": 1e3 * self.thinnest,
-            "thickest_mm": 1e3 * self.thickest,
-            "area_m2": self.area,
+            **self.finish.to_dict(),
             "wanted_m3": self.wanted,
             "laid_m3": self.laid,
             "pumped_m3": self.pumped,
@@ -90,19 +76,11 @@ def predict(plan: SprayPlan, process: ProcessParameters, sequence: JointSequence
         amount = laid_amount(sequence, stretches.first, stretches.length, len(plan.path), process.spray)
         duration = sequence.duration
     growth = plan.grown(amount)
-    finish = judge(plan, growth, process)
-    judged = np.isfinite(finish)
-    values, area = finish[judged], target.area[judged]
-    total = max(float(area.sum()), 1e-9)
-    mean = float((values * area).sum()) / total
+    finish = judge_finish(target.offset - growth, target, plan.exposed, process.target)
+    judged = np.isfinite(finish.value)
     return Prediction(
         growth=growth,
         finish=finish,
-        within=float(area[np.abs(values) <= process.target.tolerance_m].sum()) / total,
-        thinnest=float(np.max(values, initial=0.0)),
-        thickest=float(-np.min(values, initial=0.0)),
-        deviation=float(np.sqrt((area * (values - mean) ** 2).sum() / total)),
-        area=float(area.sum()),
         wanted=float((target.thickness * target.area)[judged].sum()),
         laid=float((growth * target.area).sum()),
         pumped=float(amount @ stretches.length),
@@ -115,19 +93,6 @@ def predict(plan: SprayPlan, process: ProcessParameters, sequence: JointSequence
             if reason not in (Left.NOT, Left.OUTSIDE) and (target.left == reason).any()
         },
     )
-
-
-def judge(plan: SprayPlan, growth: Array, process: ProcessParameters) -> Array:
-    """Average what is left of the wall before the wanted surface over patches [m], NaN where not judged."""
-    target, p = plan.target, process.target
-    inside = plan.exposed & target.inside
-    rows = np.flatnonzero((target.left != Left.OUTSIDE).any(axis=1))
-    if len(rows):
-        near = (target.station > target.station[rows[0]] + p.corner_m) & (
-            target.station < target.station[rows[-1]] - p.corner_m
-        )
-        inside = inside & near[:, None]
-    return mean_finish(target.offset - growth - target.wanted, inside, target, p.patch_m)
 
 
 def _thickest_layer(plan: SprayPlan, amount: Array, process: ProcessParameters) -> float:

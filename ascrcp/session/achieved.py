@@ -19,10 +19,11 @@ from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.perception.registration import Registration, register
 from ascrcp.perception.survey import SurveyParameters
 from ascrcp.perception.thickness import measure_thickness, stable_points
+from ascrcp.planning.finish import judge_finish
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.rescan import find_after
 from ascrcp.planning.spray_plan import Layout
-from ascrcp.planning.target import Left, Target, find_target, mean_finish
+from ascrcp.planning.target import Target, find_target
 from ascrcp.planning.wall import fit_wall
 
 SAME_M = 0.35  # a point so near one of the first scan is of the same kind: thicker is no layer; placeholder
@@ -86,10 +87,13 @@ def measure_achieved(
     beyond = target.station > first.unsprayed[1]  # of the face nobody knows how far it was
     layer = np.where(beyond[:, None], np.nan, target.offset - after)
     on_wall = target.station < first.unsprayed[1] - config.process.target.corner_m  # not the face
-    finish = judge_finish(after, target, layout, config)
+    # judged is what the prediction judges: what the plan said it can cover, away from the ends
+    covered = target.inside if layout is None else layout.exposed
+    finish = judge_finish(after, target, covered, config.process.target)
     noise = measure_thickness(first.points, moved, first, survey.thickness)
     figures = {
-        **finish_figures(finish, target, config.process.target.tolerance_m),
+        **finish.to_dict(),
+        "tolerance_mm": 1e3 * config.process.target.tolerance_m,
         "laid_m3": float((np.nan_to_num(layer) * target.area)[target.inside & on_wall[:, None]].sum()),
         "unseen_m2": float(target.area[target.inside & ~seen].sum()),
         "registration": _describe(found),
@@ -98,7 +102,7 @@ def measure_achieved(
         "bias_mm": 1e3 * noise.bias,
     }
     surface = _renew(first, moved, labels, target, layer)
-    return Achieved(target, after, layer, finish, surface, figures)
+    return Achieved(target, after, layer, finish.value, surface, figures)
 
 
 def carry_labels(points: NDArray[np.float32], first: Surface) -> NDArray[np.uint8]:
@@ -111,47 +115,9 @@ def carry_labels(points: NDArray[np.float32], first: Surface) -> NDArray[np.uint
     return labels
 
 
-def judge_finish(after: Array, target: Target, layout: Layout | None, config: PlanningParameters) -> Array:
-    """Average what is left of the wall before the wanted surface over patches [m], NaN where not judged.
-
-    Judged is what the prediction judges: what the plan said it can cover, away from the ends.
-    """
-    p = config.process.target
-    mask = target.inside & np.isfinite(after)
-    if layout is not None:
-        mask &= layout.exposed
-    rows = np.flatnonzero(_rows(target))
-    near = (target.station > target.station[rows[0]] + p.corner_m) & (
-        target.station < target.station[rows[-1]] - p.corner_m
-    )
-    return mean_finish(after - target.wanted, mask & near[:, None], target, p.patch_m)
-
-
-def finish_figures(finish: Array, target: Target, tolerance: float) -> dict[str, float]:
-    """Sum a finish up as plan.json does for the prediction."""
-    judged = np.isfinite(finish)
-    value, area = finish[judged], target.area[judged]
-    total = max(float(area.sum()), 1e-9)
-    mean = float((value * area).sum()) / total
-    return {
-        "within_tolerance": float(area[np.abs(value) <= tolerance].sum()) / total,
-        "too_thin": float(area[value > tolerance].sum()) / total,
-        "tolerance_mm": 1e3 * tolerance,
-        "finish_std_mm": 1e3 * float(np.sqrt((area * (value - mean) ** 2).sum() / total)),
-        "thinnest_mm": 1e3 * float(np.max(value, initial=0.0)),
-        "thickest_mm": -1e3 * float(np.min(value, initial=0.0)),
-        "area_m2": float(area.sum()),
-    }
-
-
 def _target(first: Surface, config: PlanningParameters) -> Target:
     wall = fit_wall(first, config.path)
     return find_target(first, wall, config.process, config.path.bridge_m)
-
-
-def _rows(target: Target) -> NDArray[np.bool_]:
-    """Mark the rows of the part to be sprayed, shape (ns,)."""
-    return np.asarray((target.left != Left.OUTSIDE).any(axis=1))
 
 
 def _describe(found: Registration) -> dict[str, Any]:

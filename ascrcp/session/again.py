@@ -120,7 +120,7 @@ def plan_again(
         return None
     predicted = predict(planned, config.process)
     write_path(round_.path, planned.path)
-    write_layout(round_.plan, planned, predicted.finish)
+    write_layout(round_.plan, planned, predicted.finish.value)
     write_json(round_.prediction, {"planned": predicted.to_dict(), "again": True})
     return planned.path
 

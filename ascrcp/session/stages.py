@@ -162,7 +162,7 @@ def plan(
     round_.forget("joints")  # of the path before
     round_.leave_rescans()
     write_path(round_.path, planned.path)
-    write_layout(round_.plan, planned, predicted.finish)
+    write_layout(round_.plan, planned, predicted.finish.value)
     write_json(round_.prediction, {"planned": predicted.to_dict(), "again": after is not None})
     return planned.path
 
@@ -259,7 +259,7 @@ def solve(
 def _write_prediction(round_: Round, planned: SprayPlan, predicted: Prediction) -> None:
     """Put what the timed rows will come to beside what the plan asked for."""
     before = read_json(round_.prediction) if round_.prediction.exists() else {}
-    write_layout(round_.plan, planned, predicted.finish)
+    write_layout(round_.plan, planned, predicted.finish.value)
     write_json(round_.prediction, {**before, "driven": predicted.to_dict()})
 
 

@@ -31,8 +31,9 @@ PLAN = make()
 
 def test_the_prediction_meets_the_target() -> None:
     found = predict(PLAN, PROCESS)
-    assert found.within > 0.97 and found.deviation < 0.010 and found.thickest < 0.03
-    assert found.area > 35.0
+    finish = found.finish
+    assert finish.within > 0.97 and finish.deviation < 0.010 and finish.thickest < 0.03
+    assert finish.area > 35.0
     # what is pumped is what is wanted, what lands beside it, and what rebounds
     assert found.laid == pytest.approx(found.wanted, rel=0.15)
     assert 0.2 < found.rebound < 0.45
