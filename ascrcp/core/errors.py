@@ -19,6 +19,10 @@ class RecognitionError(InputError):
     """A cloud in which no tunnel heading can be found; the message says what is missing."""
 
 
+class NothingToSprayError(InputError):
+    """A wall on which nothing can be sprayed, or nothing lacks enough to be; the message says which."""
+
+
 class UnreachableError(AscrcpError):
     """A pose or path the arm cannot reach; the message names the reason."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ascrcp.core.errors import InputError
+from ascrcp.core.errors import NothingToSprayError
 from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import section_angle
@@ -113,7 +113,7 @@ class Coverage:
         """Lay all passes: further layers first, then the last one bay by bay, each arch after its bay.
 
         Raises:
-            InputError: Not one point can be sprayed.
+            NothingToSprayError: Not one point can be sprayed.
         """
         passes = [p for bay in range(len(self._surface.bays)) for p in self._deep(bay)]
         for bay in range(len(self._surface.bays)):
@@ -126,7 +126,7 @@ class Coverage:
             if points is not None:
                 found.append((one, points))
         if not found:
-            raise InputError(
+            raise NothingToSprayError(
                 "no point of the wall can be sprayed: all are unseen, within tolerance already, or nearer "
                 f"the floor than floor_clearance_m {self._parameters.floor_clearance_m} m"
             )

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from ascrcp.core.errors import InputError
+from ascrcp.core.errors import InputError, NothingToSprayError
 from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.core.geometry import Array, apply_transform, inverse_transform
 from ascrcp.planning.coverage import Coverage, Lines
@@ -107,7 +107,8 @@ def plan_spray(
 
     Raises:
         ConfigError: A parameter outside its range.
-        InputError: No bay, nothing seen, nothing left to spray.
+        InputError: No bay, nothing seen.
+        NothingToSprayError: No pass comes near the wall, or none of it lacks enough.
     """
     parameters, process = check_parameters(parameters), check_parameters(process)
     tell = progress or (lambda fraction: None)
@@ -203,13 +204,13 @@ def find_thin(target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
     """Find the cells whose patch lacks more than the share of the tolerance that is worth a second spraying.
 
     Raises:
-        InputError: There are none.
+        NothingToSprayError: There are none.
     """
     lack = mean_finish(target.offset - target.wanted, target.inside, target, process.target.patch_m)
     with np.errstate(invalid="ignore"):
         thin = lack > RESPRAY_SHARE * process.target.tolerance_m
     if not thin.any():
-        raise InputError(
+        raise NothingToSprayError(
             f"nothing left to spray: every patch of {process.target.patch_m:g} m lacks less than "
             f"{1e3 * RESPRAY_SHARE * process.target.tolerance_m:g} mm"
         )

@@ -8,9 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ascrcp.core.errors import ConfigError, InputError
-from ascrcp.core.flow import SprayPath, Surface
-from ascrcp.core.geometry import Array
+from ascrcp.core.errors import NothingToSprayError
+from ascrcp.core.flow import SprayPath
 from ascrcp.perception.crop import crop
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.survey import load_survey
@@ -18,10 +17,8 @@ from ascrcp.perception.voxel import voxel
 from ascrcp.perception.writer import write_labelled_cloud
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.prediction import predict
-from ascrcp.planning.spray_plan import find_thin, plan_spray, renew
+from ascrcp.planning.spray_plan import plan_spray
 from ascrcp.planning.table import write_path
-from ascrcp.planning.target import find_target
-from ascrcp.planning.wall import fit_wall
 from ascrcp.session.achieved import Achieved, measure_achieved
 from ascrcp.session.layout_store import read_layout, write_layout
 from ascrcp.session.outcome import Measured
@@ -110,27 +107,12 @@ def plan_again(
     surface = read_surface(Round(first).need("surface", "recognise"))
     _, arrays = read_archive(round_.need("achieved", "run"), "achieved", _GRIDS)
     round_.forget("path", "plan", "prediction", "joints")
-    if not _is_thin(surface, arrays["after"], config):
-        return None
     try:
         planned = plan_spray(surface, config.path, config.process, arrays["after"], progress)
-    except ConfigError:
-        raise
-    except InputError:  # the first spraying had a bay and points: no pass comes near what is thin
+    except NothingToSprayError:
         return None
     predicted = predict(planned, config.process)
     write_path(round_.path, planned.path)
     write_layout(round_.plan, planned, predicted.finish.value)
     write_json(round_.prediction, {"planned": predicted.to_dict(), "again": True})
     return planned.path
-
-
-def _is_thin(surface: Surface, after: Array, config: PlanningParameters) -> bool:
-    """Whether any patch lacks enough to be sprayed again."""
-    target = find_target(surface, fit_wall(surface, config.path), config.process, config.path.bridge_m)
-    now = renew(target, after, surface.unsprayed, config.process.target.corner_m)
-    try:
-        find_thin(now, config.process)
-    except InputError:  # its only one: there is none
-        return False
-    return True
