@@ -207,13 +207,10 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
         round_ = open_round(folder, rounds)
         opened.enter_context(round_.lock())
         round_.check_machine(options.machine)
-        server, spray = None, _spray_truth(simulation, planning)
+        spray = _spray_truth(simulation, planning)
+        server = None
         if options.cloud is None:
-            heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
-            write_json(round_.folder / "truth.json", heading.truth.to_dict())
-            server = opened.enter_context(
-                closing(LidarServer(simulation.lidar, heading, options.seed, spray))
-            )
+            server = opened.enter_context(closing(_open_heading(options, simulation, profile, spray, round_)))
         machine, rig, ours = _open_rig(arm, can, codec, simulation.rig, options, opened)
         timeout_s = LOCKSTEP_LIDAR_S if options.lockstep else device.timeout_s
         lidar: Lidar = SickLidar(server.host, server.port, timeout_s) if server else _NoLidar()
@@ -252,6 +249,15 @@ def open_session(options: Options, folder: Path | None, rounds: Path) -> Session
         )
         kept.push(opened.pop_all())  # from here on the session closes it all
         return session
+
+
+def _open_heading(
+    options: Options, simulation: Simulation, profile: Profile, spray: SprayTruth, round_: Round
+) -> LidarServer:
+    """Draw the heading, note its truth in the round, and put the lidar before it."""
+    heading = build_heading(simulation.tunnel, np.random.default_rng([options.seed, 1]), profile)
+    write_json(round_.folder / "truth.json", heading.truth.to_dict())
+    return LidarServer(simulation.lidar, heading, options.seed, spray)
 
 
 def open_replay(round_: Round, bus: ReplayBus) -> Cycle:

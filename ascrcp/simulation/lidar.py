@@ -115,12 +115,12 @@ class LidarServer:
             try:
                 with self._lock:
                     self._pipe.send(("concrete", None))
-                if self._pipe.poll(ANSWER_LIMIT_S):
-                    found: dict[str, Any] = self._pipe.recv()
-                    return found
-            except (EOFError, OSError):
-                pass
-        raise DeviceError("simulated lidar: its process does not answer")
+                if not self._pipe.poll(ANSWER_LIMIT_S):
+                    raise TimeoutError(f"no answer in {ANSWER_LIMIT_S:g} s")
+                found: dict[str, Any] = self._pipe.recv()
+            except (EOFError, OSError) as error:  # a timeout is one of these
+                raise DeviceError("simulated lidar: its process does not answer") from error
+        return found
 
     def close(self) -> None:
         """Stop the process; closing twice is allowed."""
