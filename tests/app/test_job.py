@@ -13,6 +13,8 @@ from typing import Any
 import pytest
 from PIL import Image
 
+from ascrcp.planning.table import read_joints
+
 SMALL = Path(__file__).with_name("small.yaml")
 THESIS = ("--planner", "thesis")  # a third of the points of the dosed plan
 
@@ -59,6 +61,11 @@ def test_job_reaches_every_solved_point_within_the_rule_of_the_thesis(result: di
     assert at["count"] > 100
     assert at["within_rule"] == at["count"], at
     assert result["points"]["reached"] == at["count"] and result["points"]["skipped"] == 0
+
+
+def test_the_run_takes_the_time_the_sequence_says(result: dict[str, Any], round_folder: Path) -> None:
+    said = read_joints(round_folder / "joints.csv").duration
+    assert result["timing_s"]["run"] == pytest.approx(said, rel=0.02)
 
 
 def test_result_has_the_public_keys(result: dict[str, Any]) -> None:
