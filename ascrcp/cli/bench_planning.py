@@ -13,6 +13,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.planning.finish import judge_finish
+from ascrcp.planning.learning import learn_rebound
 from ascrcp.planning.parameter import Parameters, change, load_parameters
 from ascrcp.planning.path import plan as plan_thesis
 from ascrcp.planning.prediction import predict
@@ -77,7 +78,7 @@ def spray_heading(arm: Arm, seed: int, parameters: Parameters) -> Sprayed:
     rebound, pumped = grown.rebound / grown.pumped, grown.pumped
     cloud = site.scan(grow_heading(site.heading, site.bare, grown.rock, grown.flange), 1)
     after = find_after(cloud.points, site.surface, driven.target)
-    again = plan_again(site, after)
+    again = plan_again(site, driven, sequence, after)
     if again is not None:
         grown = site.spray(sprayer, drive(site, again, obstacles)[1])
     second, second_all = (site.judge(driven, grown, seen) for seen in (True, False))
@@ -101,10 +102,12 @@ def spray_heading(arm: Arm, seed: int, parameters: Parameters) -> Sprayed:
     )
 
 
-def plan_again(site: Site, after: Array) -> SprayPlan | None:
-    """Plan what a second scan found too thin; None if nothing is."""
+def plan_again(site: Site, driven: SprayPlan, sequence: JointSequence, after: Array) -> SprayPlan | None:
+    """Plan what a second scan found too thin with the rebound it shows; None if nothing is."""
+    process = site.parameters.process
+    rebound = learn_rebound(driven.layout, site.surface, sequence, after, process)
     try:
-        return plan_spray(site.surface, site.parameters.path, site.parameters.process, after)
+        return plan_spray(site.surface, site.parameters.path, change(process, rebound=rebound), after)
     except InputError:
         return None
 

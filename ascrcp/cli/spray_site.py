@@ -162,7 +162,7 @@ class Site:
         truth = self.truth
         station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
         met = plan.target.sample((plan.growth > MET_M).astype(float), station, along) > 0.5
-        return float((truth.thickness * truth.area)[met.reshape(truth.offset.shape) & truth.inside].sum())
+        return float(truth.volume(truth.thickness)[met.reshape(truth.offset.shape) & truth.inside].sum())
 
     def _is_seen(self, station: Array, along: Array) -> NDArray[np.bool_]:
         s = self.surface

@@ -1,7 +1,7 @@
 """Passes that cover the wall evenly, deep places in layers first: Surface + Target -> Lines."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,12 +75,16 @@ class Lines:
 
 @dataclass(frozen=True)
 class _Pass:
-    """One pass: its line in the bay (or the arch it runs on), its layer and where it begins and ends."""
+    """One pass: its line in the bay (or the arch it runs on), its layer, where it begins and ends, its aim.
+
+    With `flank` theta2 is square to the wall's slope along the axis, as far as the tilts beside arches go.
+    """
 
     strip: Strip
     layer: int
     arch: int | None = None
     beyond_seam: bool = False
+    flank: bool = False
 
 
 class Coverage:
@@ -175,21 +179,37 @@ class Coverage:
         ]
 
     def _cover(self, bay: int, mask: NDArray[np.bool_], layer: int) -> list[_Pass]:
-        """Lay an S over the cells of a mask; what lies beyond the seam is an S of its own."""
+        """Lay an S over the cells of a mask; what lies beyond the seam is an S of its own.
+
+        The layers of a deep place are aimed as the bay is and at its flanks in turn. A second spraying is
+        laid twice as densely and every way, for the doses to choose from: what is still thin is mostly
+        where the first could not aim.
+        """
         target = self._target
+        fractions = self._fractions(bay)
+        if self._again:
+            fractions = np.sort(np.concatenate([fractions, (fractions[1:] + fractions[:-1]) / 2.0]))
         sides: tuple[list[_Pass], list[_Pass]] = ([], [])
-        for fraction in self._fractions(bay).tolist():
+        for fraction in fractions.tolist():
             strip = Strip(bay, fraction, (0.0, 0.0), False, self._tilt(bay, fraction), layer > 1)
             rows = np.rint((self._raster.stations(strip, target.along) - target.station[0]) / target.cell[0])
             rows = np.clip(rows, 0, len(target.station) - 1).astype(np.int64)
             on = mask[rows, np.arange(len(target.along))]
-            for first, last in self._runs(on):
-                for piece in self._pieces(first, last):
-                    beyond = self._is_beyond(piece)
-                    side = sides[beyond]
-                    falling = len(side) % 2 == 1
-                    side.append(_Pass(_with_ends(strip, piece, falling), layer, None, beyond))
+            for piece in [p for run in self._runs(on) for p in self._pieces(*run)]:
+                beyond = self._is_beyond(piece)
+                side = sides[beyond]
+                for tilt, flank in self._aims(strip.tilt_deg, layer):
+                    aimed = replace(strip, along=piece, falling=len(side) % 2 == 1, tilt_deg=tilt)
+                    side.append(_Pass(aimed, layer, None, beyond, flank))
         return [*sides[0], *sides[1]]
+
+    def _aims(self, tilt: float, layer: int) -> list[tuple[float, bool]]:
+        """How the passes over one line are aimed: theta2 of the bay [deg], whether at the flank instead."""
+        if not self._again:
+            return [(tilt, layer % 2 == 0)]
+        p = self._parameters
+        tilts = {tilt, p.tilt_deg}
+        return [(tilt, True), *((other, False) for other in sorted(tilts))]
 
     def _runs(self, on: NDArray[np.bool_]) -> list[tuple[float, float]]:
         """First and last arc length of the runs of cells; gaps shorter than a patch are sprayed through."""
@@ -242,8 +262,8 @@ class Coverage:
             self._walls[layer] = smooth_wall(self._target, offset, self._wall, self._parameters)
         return self._walls[layer]
 
-    def _lay(self, one: _Pass) -> tuple[Array, Array, Array, Array] | None:
-        """Thin, cut, normal, offset, leave out: nozzle, wall point, arc length, theta3 of a pass."""
+    def _lay(self, one: _Pass) -> tuple[Array, Array, Array, Array, Array] | None:
+        """Thin, cut, normal, offset, leave out: nozzle, wall point, arc length, theta2, theta3 of a pass."""
         p, wall = self._parameters, self._wall_at(one.layer)
         fine = np.linspace(*one.strip.along, max(2, int(np.ceil(np.ptp(one.strip.along) / 0.05)) + 1))
         place = wall.point(self._stations(one, fine), fine)
@@ -257,26 +277,52 @@ class Coverage:
             lid = self._target.arches[one.arch]
             point = np.column_stack([station, self._surface.profile.point(along, lid.inner)])
         limit = 0.0 if one.arch is not None else np.radians(p.normal_limit_deg)
+        theta2 = self._theta2(one, station, along)
         theta3 = self._keep_side(spray_angle(wall.normal(station, along, limit)), one.beyond_seam)
-        theta3 = self._keep_off_floor(point, theta3, one)
-        direction = spray_direction(np.radians(one.strip.tilt_deg), theta3)
-        nozzle = point - self._stand_off(one) * direction
+        theta3, stand_off = self._keep_off_floor(point, theta2, theta3, self._stand_off(one))
+        direction = spray_direction(theta2, theta3)
+        nozzle = point - stand_off[:, None] * direction
         nozzle = withdraw(nozzle, direction, self._surface, self._raster, p.arch_clearance_m)
         keep = wall.sample(wall.unseen, station, along) <= p.bridge_m
         keep &= (nozzle[:, 2] >= wall.floor_z + p.floor_clearance_m) & (point[:, 2] >= wall.floor_z)
         if keep.sum() < 2:
             return None
-        return nozzle[keep], point[keep], along[keep], theta3[keep]
+        return nozzle[keep], point[keep], along[keep], theta2[keep], theta3[keep]
 
-    def _keep_off_floor(self, point: Array, theta3: Array, one: _Pass) -> Array:
-        """Point the jet down where its nozzle would be too near the floor, as far as the process allows."""
+    def _theta2(self, one: _Pass, station: Array, along: Array) -> Array:
+        """Tilt of a pass along the tunnel [rad], shape (n,)."""
+        if not one.flank:
+            return np.full(len(along), np.radians(one.strip.tilt_deg))
+        p, wall = self._parameters, self._wall_at(one.layer)
+        square = np.pi / 2.0 + np.arctan(wall.sample(wall.slope_along_axis, station, along))
+        return np.clip(square, np.radians(p.tilt_outer_deg), np.radians(p.tilt_inner_deg))
+
+    def _keep_off_floor(
+        self, point: Array, theta2: Array, theta3: Array, stand_off: float
+    ) -> tuple[Array, Array]:
+        """Point the jet down where its nozzle would be too near the floor, as far as the process allows.
+
+        Returns:
+            theta3 [rad] and the stand-off [m]: the full one where a nearer nozzle would have to stand too
+            low, both (n,).
+        """
+        full = self._parameters.stand_off_m
+        near, fits = self._turn_down(point, theta2, theta3, stand_off)
+        far, _ = self._turn_down(point, theta2, theta3, full)
+        return np.where(fits, near, far), np.where(fits, stand_off, full)
+
+    def _turn_down(
+        self, point: Array, theta2: Array, theta3: Array, stand_off: float
+    ) -> tuple[Array, NDArray[np.bool_]]:
+        """Turn jets down for one stand-off [m]; tell which nozzles keep off the floor then, both (n,)."""
         p = self._parameters
-        reach = self._stand_off(one) * np.sin(np.radians(one.strip.tilt_deg))
-        steepest = (point[:, 2] - self._wall.floor_z - p.floor_clearance_m - FLOOR_SPARE_M) / reach
+        room = point[:, 2] - self._wall.floor_z - p.floor_clearance_m - FLOOR_SPARE_M
+        steepest = room / (stand_off * np.sin(theta2))
         down = np.arcsin(np.clip(steepest, -1.0, 1.0))
         turned = np.where(np.cos(theta3) < 0.0, np.pi - down, down)
-        low = (np.sin(theta3) > steepest) & (np.abs(turned - theta3) <= np.radians(p.floor_tilt_deg))
-        return np.where(low, turned, theta3)
+        low = np.sin(theta3) > steepest
+        can = np.abs(turned - theta3) <= np.radians(p.floor_tilt_deg)
+        return np.where(low & can, turned, theta3), ~low | can
 
     def _stand_off(self, one: _Pass) -> float:
         """Nozzle to wall [m]: nearer, with a narrower jet, where a small place is filled or sprayed again."""
@@ -297,14 +343,11 @@ class Coverage:
         return self._raster.stations(one.strip, along)
 
 
-def _with_ends(strip: Strip, along: tuple[float, float], falling: bool) -> Strip:
-    """Return a strip with other ends."""
-    return Strip(strip.bay, strip.fraction, along, falling, strip.tilt_deg, strip.overbreak)
-
-
-def _join(found: list[tuple[_Pass, tuple[Array, Array, Array, Array]]]) -> Lines:
-    sizes = [len(points[3]) for _, points in found]
-    nozzle, wall, along, theta3 = (np.concatenate([points[k] for _, points in found]) for k in range(4))
+def _join(found: list[tuple[_Pass, tuple[Array, Array, Array, Array, Array]]]) -> Lines:
+    sizes = [len(points[2]) for _, points in found]
+    nozzle, wall, along, theta2, theta3 = (
+        np.concatenate([points[k] for _, points in found]) for k in range(5)
+    )
 
     def spread_out(values: list[float]) -> Array:
         return np.repeat(np.array(values), sizes)
@@ -313,7 +356,7 @@ def _join(found: list[tuple[_Pass, tuple[Array, Array, Array, Array]]]) -> Lines
         nozzle=nozzle,
         wall=wall,
         along=along,
-        theta2=np.radians(spread_out([one.strip.tilt_deg for one, _ in found])),
+        theta2=theta2,
         theta3=theta3,
         bay=spread_out([one.strip.bay for one, _ in found]).astype(np.int64),
         pass_index=np.repeat(np.arange(len(found)), sizes),

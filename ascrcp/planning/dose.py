@@ -16,7 +16,7 @@ from scipy.sparse import csr_matrix, hstack
 from ascrcp.core.geometry import Array
 from ascrcp.planning.coverage import Lines
 from ascrcp.planning.deposition import SLOPE_SIGMA_M, Jet, deposit
-from ascrcp.planning.layer import limit_layer, wall_before
+from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.target import Left, Target
 
@@ -29,7 +29,9 @@ SHADOW_M = (
 STEEP_DEG = 45.0  # a flank steeper than this catches too little of a jet square to the bay; placeholder
 LAYER_SLACK = 1.5  # a stretch may lay so much more than its share of the layer limit: its neighbours lay less
 LEAST_YIELD = 0.3  # a stretch that loses more is not driven harder; placeholder
-ROUNDS = 4  # of weighting the excess: the set of patches that have one hardly changes any more
+MOVED_M = 0.03  # a wall that differs by less gives the same footprint
+MOVED_SHARE = 0.05  # of a footprint that must fall on wall that differs, to reckon it anew
+ROUNDS = 3  # of weighting the excess: the set of patches that have one hardly changes any more
 OVER_SHARE = 0.1  # of the tolerance, beyond which an excess weighs more; placeholder
 WEIGHT_FLOOR = 0.25  # of a patch inside the part to spray: less has no mean worth meeting
 
@@ -66,13 +68,17 @@ class Dose:
         """Concrete pumped [m3]."""
         return float(self.amount @ self.stretches.length)
 
+    def layer(self, target: Target) -> Array:
+        """Growth of the wall [m], shape (ns, na)."""
+        return np.asarray((self.stretches.growth @ self.amount).reshape(target.offset.shape))
+
 
 def find_stretches(
     lines: Lines,
     jet: Jet,
     reached: NDArray[np.bool_],
     target: Target,
-    layers: NDArray[np.int64],
+    walls: dict[int, Array],
     process: ProcessParameters,
     progress: Callable[[float], None] | None = None,
 ) -> Stretches:
@@ -83,7 +89,7 @@ def find_stretches(
         jet: The points as they will be driven, shape of lines.
         reached: Points that are sprayed, shape (n,).
         target: Grid.
-        layers: Layers of each cell.
+        walls: The wall each layer is sprayed onto, by layer [m], shape (ns, na) each.
         process: Jet and rebound.
         progress: Called with the fraction done.
     """
@@ -97,14 +103,72 @@ def find_stretches(
         if progress is not None:
             progress(number / len(kinds))
         mine = np.flatnonzero(lines.layer[first] == layer)
-        wall = wall_before(target, layers, layer)
-        each = [deposit(_between(jet, first[mine], share), target, wall, process) for share in SAMPLES]
-        parts.append(sum(each[1:], start=each[0]) * (1.0 / len(SAMPLES)))
+        parts.append(_lay_out(jet, first[mine], target, walls[layer], process))
         order.append(mine)
     if not parts:
         return Stretches(first, length, csr_matrix((target.offset.size, 0)))
     growth = hstack(parts).tocsc()[:, np.argsort(np.concatenate(order))]
     return Stretches(first, length, csr_matrix(growth.multiply(length[None, :])))
+
+
+def _lay_out(
+    jet: Jet, first: NDArray[np.int64], target: Target, wall: Array, process: ProcessParameters
+) -> csr_matrix:
+    """Reckon what stretches lay on a wall per volume pumped [m/m3], shape (cells, k)."""
+    each = [deposit(_between(jet, first, share), target, wall, process) for share in SAMPLES]
+    return sum(each[1:], start=each[0]) * (1.0 / len(SAMPLES))
+
+
+def build_walls(dose: Dose, lines: Lines, target: Target) -> dict[int, Array]:
+    """The wall as the doses themselves build it, half way through each layer [m], (ns, na) each.
+
+    Flanks take less of a layer than the bottom of a pocket: what comes after meets them steeper than if
+    every layer filled its share everywhere, and more of it is thrown back.
+    """
+    layer_of = lines.layer[dose.stretches.first]
+    walls, built = {}, np.zeros(target.offset.shape)
+    for layer in np.unique(layer_of)[::-1].tolist():
+        amount = np.where(layer_of == layer, dose.amount, 0.0)
+        added = (dose.stretches.growth @ amount).reshape(built.shape)
+        walls[layer] = np.where(target.arch, target.offset, target.offset - built - added / 2.0)
+        built += added
+    return walls
+
+
+def renew_stretches(
+    stretches: Stretches,
+    lines: Lines,
+    jet: Jet,
+    target: Target,
+    walls: tuple[dict[int, Array], dict[int, Array]],
+    process: ProcessParameters,
+) -> Stretches:
+    """Reckon anew the footprints that fall where the wall is not what they were reckoned on.
+
+    Args:
+        stretches: As reckoned.
+        lines: The points, for pass and layer.
+        jet: The points as they will be driven, shape of lines.
+        target: Grid.
+        walls: By layer, as they were taken for and as they are.
+        process: Jet and rebound.
+    """
+    layer_of = lines.layer[stretches.first]
+    parts, order = [], []
+    columns = stretches.growth.tocsc()
+    for layer in np.unique(layer_of).tolist():
+        mine = np.flatnonzero(layer_of == layer)
+        moved = (np.abs(walls[1][layer] - walls[0][layer]) > MOVED_M).astype(float).ravel()
+        growth = columns[:, mine]
+        hit = np.asarray(growth.T @ moved) > MOVED_SHARE * np.asarray(growth.sum(axis=0)).ravel()
+        parts.append(growth[:, ~hit])
+        order.append(mine[~hit])
+        if hit.any():
+            again = _lay_out(jet, stretches.first[mine[hit]], target, walls[1][layer], process)
+            parts.append(again.multiply(stretches.length[mine[hit]][None, :]).tocsc())
+            order.append(mine[hit])
+    growth = hstack(parts).tocsc()[:, np.argsort(np.concatenate(order))]
+    return Stretches(stretches.first, stretches.length, csr_matrix(growth))
 
 
 def _between(jet: Jet, first: NDArray[np.int64], share: float) -> Jet:
@@ -130,6 +194,8 @@ def solve_dose(
     target: Target,
     process: ProcessParameters,
     mask: NDArray[np.bool_],
+    start: Array | None = None,
+    rounds: int = ROUNDS,
 ) -> Dose:
     """Find the doses that bring the wall nearest to the wanted surface, patch by patch.
 
@@ -139,6 +205,8 @@ def solve_dose(
         target: Present and wanted surface.
         process: Patch, layer limit, evenness.
         mask: Cells that count, shape (ns, na).
+        start: Doses to begin with [m3/m], shape (m,); None for none.
+        rounds: Of weighting the excess; without any the doses to begin with are only held within bounds.
     """
     unit = process.dose.pass_spacing_m  # a dose of one metre's layer: its width times one metre
     matrix = stretches.growth * unit
@@ -184,8 +252,11 @@ def solve_dose(
         return np.asarray(share * pull + process.dose.smooth * smoothed(u))
 
     highest = _highest(stretches, lines, target, process) / unit
-    amount = descend(gradient, highest, np.zeros(len(highest)), process.dose.iterations)
-    for _ in range(ROUNDS):
+    if start is None:
+        amount = descend(gradient, highest, np.zeros(len(highest)), process.dose.iterations)
+    else:
+        amount = np.minimum(start / unit, highest)
+    for _ in range(rounds):
         # too thick weighs more than too thin, for it cannot be taken off
         over = patches(excess(amount)) > process.target.tolerance_m * OVER_SHARE
         weight_of = np.where(mask, np.where(over, process.dose.over_weight, 1.0), 0.0)

@@ -65,13 +65,15 @@ def smooth_wall(target: Target, offset: Array, wall: Wall, parameters: PlanningP
     straight = past_heaps(rock, target.profile.arch_line)
     station, along = np.meshgrid(target.station, target.along, indexing="ij")
     unseen = wall.sample(wall.unseen, station.ravel(), along.ravel()).reshape(rock.shape)
+    soft = smooth(straight, parameters.normal_smooth_m)
     return Wall(
         profile=target.profile,
         station=target.station,
         along=target.along,
         offset=smooth(rock, parameters.position_smooth_m),
         raw=rock,
-        slope=np.gradient(smooth(straight, parameters.normal_smooth_m), da, axis=1),
+        slope=np.gradient(soft, da, axis=1),
+        slope_along_axis=np.gradient(soft, ds, axis=0),
         unseen=unseen,
         floor_z=wall.floor_z,
     )

@@ -110,10 +110,11 @@ def spray_angle(normal: Array) -> Array:
     return np.pi - section_angle(normal)
 
 
-def spray_direction(theta2: float, theta3: Array) -> Array:
+def spray_direction(theta2: float | Array, theta3: Array) -> Array:
     """Compute unit spray directions in the tunnel frame (eq. 4-5, first column), shape (n, 3)."""
     s2 = np.sin(theta2)
-    return np.column_stack([np.full(len(theta3), np.cos(theta2)), s2 * np.cos(theta3), s2 * np.sin(theta3)])
+    along = np.broadcast_to(np.cos(theta2), theta3.shape)
+    return np.column_stack([along, s2 * np.cos(theta3), s2 * np.sin(theta3)])
 
 
 def withdraw(nozzle: Array, direction: Array, surface: Surface, raster: Raster, clearance: float) -> Array:

@@ -81,8 +81,8 @@ def predict(plan: SprayPlan, process: ProcessParameters, sequence: JointSequence
     return Prediction(
         growth=growth,
         finish=finish,
-        wanted=float((target.thickness * target.area)[judged].sum()),
-        laid=float((growth * target.area).sum()),
+        wanted=float(target.volume(target.thickness)[judged].sum()),
+        laid=float(target.volume(growth).sum()),
         pumped=float(amount @ stretches.length),
         layer=_thickest_layer(plan, amount, process),
         duration=duration,

@@ -97,7 +97,6 @@ class DoseParameters(Struct):
     hold_back: Annotated[float, Meta(ge=0.0, le=0.3)]
     hold_back_slope: Annotated[float, Meta(ge=0.0, le=0.5)]
     over_weight: Annotated[float, Meta(ge=1.0, le=100.0)]
-    over_weight_again: Annotated[float, Meta(ge=1.0, le=100.0)]
     fine: Annotated[float, Meta(ge=0.0, le=10.0)]
     smooth: Annotated[float, Meta(ge=0.0, le=10.0)]
     iterations: Annotated[int, Meta(ge=5, le=1000)]

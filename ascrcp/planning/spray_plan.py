@@ -15,18 +15,23 @@ from ascrcp.planning.deposition import Jet
 from ascrcp.planning.dose import (
     Dose,
     Stretches,
+    build_walls,
     choose_speed,
     explain,
     find_exposed,
     find_stretches,
+    renew_stretches,
     solve_dose,
 )
+from ascrcp.planning.layer import wall_before
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
-from ascrcp.planning.process import ProcessParameters
+from ascrcp.planning.process import ProcessParameters, ReboundParameters
+from ascrcp.planning.prune import keep_dosed
 from ascrcp.planning.target import Left, Target, find_target, mean_finish
 from ascrcp.planning.wall import find_floor, fit_wall
 
 Progress = Callable[[float], None]
+ROUGH_ROUNDS = 1  # of weighting the excess, for doses that only tell what wall they build
 RESPRAY_SHARE = 0.5  # of the tolerance: patches thinner than this get a second spraying; placeholder
 
 
@@ -39,6 +44,7 @@ class Layout:
         target: Present and wanted surface; its `left` says what cannot be covered, and why.
         layers: Layers of each cell, shape (ns, na).
         exposed: Cells the lines can bring to the target, shape (ns, na).
+        rebound: As believed when it was planned.
         again: Whether it is a second spraying, over what the first left too thin.
     """
 
@@ -46,6 +52,7 @@ class Layout:
     target: Target
     layers: NDArray[np.int64]
     exposed: NDArray[np.bool_]
+    rebound: ReboundParameters
     again: bool
 
 
@@ -129,7 +136,7 @@ def plan_spray(
         lines.jet,
         everywhere,
         target,
-        layers,
+        walls_before(lines, target, layers),
         process,
         lambda x: tell(0.4 + 0.4 * x),
     )
@@ -137,7 +144,16 @@ def plan_spray(
     low = _is_low(surface, target, parameters)
     target = replace(target, left=explain(target, exposed, exposed, low))
     tell(0.8)
-    plan = _dosed(surface, Layout(lines, target, layers, exposed, after is not None), stretches, process)
+    layout = Layout(lines, target, layers, exposed, process.rebound, after is not None)
+    plan = _dosed(surface, layout, lines.jet, stretches, process)
+    if layout.again:
+        lines = keep_dosed(lines, plan.dose)
+        everywhere = np.ones(len(lines.along), dtype=bool)
+        walls = walls_before(lines, target, layers)
+        stretches = find_stretches(lines, lines.jet, everywhere, target, walls, process)
+        exposed &= find_exposed(stretches, lines, target)
+        layout = replace(layout, lines=lines, exposed=exposed)
+        plan = _dosed(surface, layout, lines.jet, stretches, process)
     tell(1.0)
     return plan
 
@@ -156,34 +172,52 @@ def replan(
         surface: Its heading.
         driven: The path as solved: poses may be tilted.
         reached: Points that are sprayed, shape (n,).
-        process: As it was planned with.
+        process: As it was planned with; the rebound is the layout's.
     """
+    process = change(process, rebound=layout.rebound)
     T = inverse_transform(surface.axis.T_base_tunnel)
     jet = Jet(apply_transform(T, driven.position), driven.direction @ T[:3, :3].T)
-    stretches = find_stretches(layout.lines, jet, reached, layout.target, layout.layers, process)
+    walls = walls_before(layout.lines, layout.target, layout.layers)
+    stretches = find_stretches(layout.lines, jet, reached, layout.target, walls, process)
     exposed = find_exposed(stretches, layout.lines, layout.target) & layout.exposed
     left = layout.target.left.copy()
     left[layout.exposed & ~exposed] = Left.ARM
     target = replace(layout.target, left=left)
-    found = _dosed(surface, replace(layout, target=target, exposed=exposed), stretches, process)
+    amount = driven.flow * process.spray.pump_m3_s / np.maximum(driven.speed, process.dose.speed_m_s[0])
+    start = amount[stretches.first]
+    found = _dosed(surface, replace(layout, target=target, exposed=exposed), jet, stretches, process, start)
     path = replace(driven, speed=found.path.speed, flow=found.path.flow)
     return replace(found, path=path)
 
 
-def _dosed(surface: Surface, layout: Layout, stretches: Stretches, process: ProcessParameters) -> SprayPlan:
-    """Choose doses, speeds and flows for a layout; a second spraying weighs an excess less."""
-    if layout.again:
-        process = change(process, dose=change(process.dose, over_weight=process.dose.over_weight_again))
-    target = layout.target
+def walls_before(lines: Lines, target: Target, layers: NDArray[np.int64]) -> dict[int, Array]:
+    """The wall before each layer [m], by layer, as if every layer filled its share, (ns, na) each."""
+    return {layer: wall_before(target, layers, layer) for layer in np.unique(lines.layer).tolist()}
+
+
+def _dosed(
+    surface: Surface,
+    layout: Layout,
+    jet: Jet,
+    stretches: Stretches,
+    process: ProcessParameters,
+    start: Array | None = None,
+) -> SprayPlan:
+    """Choose doses, speeds and flows for a layout, the doses on the wall that they themselves build."""
+    target, lines = layout.target, layout.lines
     met = np.asarray(stretches.growth.sum(axis=1)).reshape(target.offset.shape) > 0.0
     # beside what can be brought to the target, what must not get more counts too
     must_not = target.offset <= target.wanted
     if layout.again:
-        must_not = target.inside | np.isin(target.left, (Left.SHADOW, Left.STEEP, Left.EDGE))
+        must_not = ~np.isin(target.left, (Left.UNSEEN, Left.BEFORE))
     mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
-    dose = solve_dose(stretches, layout.lines, target, process, mask)
-    speed, flow = choose_speed(dose, layout.lines, process)
-    return SprayPlan(layout.lines.to_path(surface, speed, flow), layout, dose)
+    rounds = ROUGH_ROUNDS if start is None else 0
+    rough = solve_dose(stretches, lines, target, process, mask, start, rounds)
+    walls = walls_before(lines, target, layout.layers), build_walls(rough, lines, target)
+    stretches = renew_stretches(stretches, lines, jet, target, walls, process)
+    dose = solve_dose(stretches, lines, target, process, mask, rough.amount)
+    speed, flow = choose_speed(dose, lines, process)
+    return SprayPlan(lines.to_path(surface, speed, flow), layout, dose)
 
 
 def renew(target: Target, after: Array, unsprayed: tuple[float, float], corner: float) -> Target:

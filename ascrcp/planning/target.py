@@ -98,6 +98,15 @@ class Target:
         """Concrete wanted [m], never negative, shape (ns, na)."""
         return np.asarray(np.maximum(self.offset - self.wanted, 0.0))
 
+    def volume(self, layer: Array) -> Array:
+        """Concrete in a layer [m] on the present surface [m3], shape (ns, na).
+
+        A cell of a pocket is wider than one on the wanted surface.
+        """
+        ds, da = self.cell
+        middle = self.offset - layer / 2.0
+        return np.asarray(layer * ds * da * (1.0 + curvature(self.profile, self.along) * middle))
+
     @property
     def inside(self) -> NDArray[np.bool_]:
         """Cells to be sprayed, shape (ns, na)."""

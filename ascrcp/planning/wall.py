@@ -32,6 +32,7 @@ class Wall:
         offset: Outward offset from the design line [m], finite, shape (ns, na).
         raw: The same before its roughness is averaged, shape (ns, na).
         slope: d offset / d along of the more strongly smoothed wall, shape (ns, na).
+        slope_along_axis: d offset / d station of the same, shape (ns, na).
         unseen: Distance to the nearest cell with a value [m], shape (ns, na).
         floor_z: Height of the floor in the section plane [m].
     """
@@ -42,6 +43,7 @@ class Wall:
     offset: Array
     raw: Array
     slope: Array
+    slope_along_axis: Array
     unseen: Array
     floor_z: float
 
@@ -99,13 +101,15 @@ def fit_wall(surface: Surface, parameters: PlanningParameters) -> Wall:
     unseen, nearest = distance_transform_edt(~known, sampling=step, return_indices=True)
     offset = surface.offset.astype(float)[tuple(nearest)]
     straight = past_heaps(offset, surface.profile.arch_line)
+    soft = _smooth(straight, parameters.normal_smooth_m, step)
     return Wall(
         profile=surface.profile,
         station=surface.station,
         along=surface.along,
         offset=_smooth(offset, parameters.position_smooth_m, step),
         raw=offset,
-        slope=np.gradient(_smooth(straight, parameters.normal_smooth_m, step), step[1], axis=1),
+        slope=np.gradient(soft, step[1], axis=1),
+        slope_along_axis=np.gradient(soft, step[0], axis=0),
         unseen=unseen,
         floor_z=find_floor(surface),
     )

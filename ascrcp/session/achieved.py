@@ -94,7 +94,7 @@ def measure_achieved(
     figures = {
         **finish.to_dict(),
         "tolerance_mm": 1e3 * config.process.target.tolerance_m,
-        "laid_m3": float((np.nan_to_num(layer) * target.area)[target.inside & on_wall[:, None]].sum()),
+        "laid_m3": float(target.volume(np.nan_to_num(layer))[target.inside & on_wall[:, None]].sum()),
         "unseen_m2": float(target.area[target.inside & ~seen].sum()),
         "registration": _describe(found),
         "noise_mm": 1e3 * noise.noise_floor,

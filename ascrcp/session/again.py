@@ -6,6 +6,7 @@ frame of the first scan, so that solving, loading and moving work on that folder
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from ascrcp.core.errors import NothingToSprayError
@@ -20,7 +21,7 @@ from ascrcp.planning.prediction import predict
 from ascrcp.planning.spray_plan import plan_spray
 from ascrcp.planning.table import write_path
 from ascrcp.session.achieved import Achieved, measure_achieved
-from ascrcp.session.layout_store import read_layout, write_layout
+from ascrcp.session.layout_store import learn, read_layout, write_layout
 from ascrcp.session.outcome import Measured
 from ascrcp.session.round import Round
 from ascrcp.session.snapshot import WallLayer
@@ -87,13 +88,19 @@ def _write_achieved(round_: Round, found: Achieved) -> None:
 
 
 def plan_again(
-    folder: Path, first: Path, config: PlanningParameters, progress: Progress = quiet
+    folder: Path,
+    first: Path,
+    sprayed: Path | None,
+    config: PlanningParameters,
+    progress: Progress = quiet,
 ) -> SprayPath | None:
     """achieved.npz -> path.csv, plan.npz, plan.json beside it, for what is still too thin.
 
     Args:
         folder: Folder of a further scan that has been measured.
         first: Round folder of the first scan.
+        sprayed: Folder of the plan that was driven to its end since the scan before, from which the rebound
+            is learned; None if none was.
         config: Planner; what is still too thin is always dosed, whoever planned the first spraying.
         progress: Called with the fraction done.
 
@@ -107,12 +114,17 @@ def plan_again(
     surface = read_surface(Round(first).need("surface", "recognise"))
     _, arrays = read_archive(round_.need("achieved", "run"), "achieved", _GRIDS)
     round_.forget("path", "plan", "prediction", "joints")
+    after, process = arrays["after"], config.process
+    if sprayed is not None:
+        process = learn(Round(sprayed), surface, after, process)
+    progress(0.3)
     try:
-        planned = plan_spray(surface, config.path, config.process, arrays["after"], progress)
+        planned = plan_spray(surface, config.path, process, after, lambda done: progress(0.3 + 0.7 * done))
     except NothingToSprayError:
         return None
-    predicted = predict(planned, config.process)
+    predicted = predict(planned, process)
     write_path(round_.path, planned.path)
     write_layout(round_.plan, planned, predicted.finish.value)
-    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": True})
+    rebound = msgspec.to_builtins(process.rebound)
+    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": True, "rebound": rebound})
     return planned.path

@@ -3,13 +3,18 @@
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.core.geometry import Array
 from ascrcp.planning.coverage import Lines
+from ascrcp.planning.learning import learn_rebound
+from ascrcp.planning.parameter import change
+from ascrcp.planning.process import ProcessParameters, ReboundParameters
 from ascrcp.planning.spray_plan import Layout, SprayPlan
+from ascrcp.planning.table import read_joints
 from ascrcp.planning.target import Target, find_lids
 from ascrcp.session.round import Round
 from ascrcp.session.store import read_archive, write_archive
@@ -31,7 +36,8 @@ def write_layout(file: Path, plan: SprayPlan, finish: Array) -> None:
     arrays: dict[str, Any] = {name: getattr(lines, name.removeprefix("line_")) for name in _LINES}
     arrays |= {name: getattr(target, name) for name in _TARGET}
     arrays |= {"layers": plan.layout.layers, "exposed": plan.exposed, "growth": plan.growth, "finish": finish}
-    write_archive(file, "plan", {"again": plan.layout.again}, arrays)
+    meta = {"again": plan.layout.again, "rebound": msgspec.to_builtins(plan.layout.rebound)}
+    write_archive(file, "plan", meta, arrays)
 
 
 def read_layout(file: Path, surface: Surface) -> tuple[Layout, Array, Array]:
@@ -51,8 +57,34 @@ def read_layout(file: Path, surface: Surface) -> tuple[Layout, Array, Array]:
     target = Target(
         profile=surface.profile, arches=find_lids(surface, a["along"]), **{name: a[name] for name in _TARGET}
     )
-    layout = Layout(lines, target, a["layers"], a["exposed"], bool(meta["again"]))
+    try:
+        rebound = msgspec.convert(meta.get("rebound"), ReboundParameters)
+    except msgspec.ValidationError as error:
+        raise InputError(f"{file}: rebound: {error}; run `ascrcp plan` on this round again") from error
+    layout = Layout(lines, target, a["layers"], a["exposed"], rebound, bool(meta["again"]))
     return layout, a["growth"], a["finish"]
+
+
+def learn(sprayed: Round, surface: Surface, after: Array, process: ProcessParameters) -> ProcessParameters:
+    """Put what a spraying shows of the rebound into the process; as it is if nothing tells what was sprayed.
+
+    Args:
+        sprayed: Folder with the plan and the joints that were driven.
+        surface: The heading before any spraying.
+        after: Offset of the wall found afterwards [m], NaN where not seen, shape (ns, na).
+        process: As configured.
+
+    Raises:
+        InputError: A damaged file.
+    """
+    if not (sprayed.plan.exists() and sprayed.joints.exists()):
+        return process
+    layout, _, _ = read_layout(sprayed.plan, surface)
+    sequence = read_joints(sprayed.joints)
+    fits = layout.target.offset.shape == after.shape and sequence.point.max() < len(layout.lines.along)
+    if not fits:
+        return process
+    return change(process, rebound=learn_rebound(layout, surface, sequence, after, process))
 
 
 def layout_of(round_: Round, path: SprayPath, surface: Surface | None) -> Layout | None:

@@ -67,9 +67,15 @@ def _plan_again(desk: Desk, place: Round) -> Finding:
     """Plan and solve what is too thin; the plan before gives way to it."""
     session, setup = desk.session, desk.session.setup
     session.stage("Planning the second spraying", "正在规划补喷", 0.5)
+    sprayed = desk.round.folder if desk.is_finished else None
     with session.stopwatch("plan"):
         path: SprayPath | None = session.run_compute(
-            Remote.PLAN_AGAIN, place.folder, session.round.folder, setup.planning, share=(0.5, 0.75)
+            Remote.PLAN_AGAIN,
+            place.folder,
+            session.round.folder,
+            sprayed,
+            setup.planning,
+            share=(0.5, 0.75),
         )
     if path is None:
         return Finding.COVERED

@@ -10,6 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
 from ascrcp.control.config import ControlConfig
@@ -46,7 +47,7 @@ from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
 from ascrcp.planning.table import read_joints, read_path, write_joints, write_path
 from ascrcp.planning.target import find_target
 from ascrcp.planning.wall import fit_wall
-from ascrcp.session.layout_store import layout_of, write_layout
+from ascrcp.session.layout_store import layout_of, learn, write_layout
 from ascrcp.session.outcome import Loaded, Solution
 from ascrcp.session.round import Round
 from ascrcp.session.store import read_json, read_scan, read_surface, write_json, write_surface
@@ -157,13 +158,16 @@ def plan(
         write_path(round_.path, path)
         return path
     found = None if after is None else achieved_surface(surface, config, after)
-    planned = plan_spray(surface, config.path, config.process, found, progress)
-    predicted = predict(planned, config.process)
+    process = config.process if found is None else learn(round_, surface, found, config.process)
+    planned = plan_spray(surface, config.path, process, found, progress)
+    predicted = predict(planned, process)
     round_.forget("joints")  # of the path before
     round_.leave_rescans()
     write_path(round_.path, planned.path)
     write_layout(round_.plan, planned, predicted.finish.value)
-    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": after is not None})
+    rebound = msgspec.to_builtins(process.rebound)
+    again = after is not None
+    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": again, "rebound": rebound})
     return planned.path
 
 
