@@ -182,8 +182,8 @@ class Coverage:
         """Lay an S over the cells of a mask; what lies beyond the seam is an S of its own.
 
         The layers of a deep place are aimed as the bay is and at its flanks in turn. A second spraying is
-        laid twice as densely and every way, for the doses to choose from: what is still thin is mostly
-        where the first could not aim.
+        laid twice as densely, square, as the bay and at the flanks, for the doses to choose from: what is
+        still thin is mostly where the first could not aim.
         """
         target = self._target
         fractions = self._fractions(bay)
@@ -205,11 +205,12 @@ class Coverage:
 
     def _aims(self, tilt: float, layer: int) -> list[tuple[float, bool]]:
         """How the passes over one line are aimed: theta2 of the bay [deg], whether at the flank instead."""
+        if tilt == self._process.dose.face_tilt_deg:  # nearer the face there is no room to aim
+            return [(tilt, False)]
         if not self._again:
             return [(tilt, layer % 2 == 0)]
-        p = self._parameters
-        tilts = {tilt, p.tilt_deg}
-        return [(tilt, True), *((other, False) for other in sorted(tilts))]
+        square = self._parameters.tilt_deg
+        return [(tilt, True), *((other, False) for other in sorted({tilt, square}))]
 
     def _runs(self, on: NDArray[np.bool_]) -> list[tuple[float, float]]:
         """First and last arc length of the runs of cells; gaps shorter than a patch are sprayed through."""

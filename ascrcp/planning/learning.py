@@ -89,9 +89,9 @@ def learn_rebound(
 def _fit(A: Array, miss: Array) -> Array:
     """Solve A x = miss [m] by robust least squares with x of unit variance, shape (3,)."""
     weight: Array = np.ones(len(miss))
-    x = np.zeros(A.shape[1])
+    x: Array = np.zeros(A.shape[1])
     for _ in range(ROUNDS):
         normal = (A * weight[:, None]).T @ A / NOISE_M**2 + np.eye(A.shape[1])
-        x = np.linalg.solve(normal, (A * weight[:, None]).T @ miss / NOISE_M**2)
+        x = np.asarray(np.linalg.solve(normal, (A * weight[:, None]).T @ miss / NOISE_M**2))
         weight = 1.0 / np.maximum(1.0, np.abs(miss - A @ x) / (OUTLIER * NOISE_M))
-    return np.asarray(x)
+    return x

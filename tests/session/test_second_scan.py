@@ -106,7 +106,7 @@ def test_what_is_too_thin_is_planned_beside_the_first_plan(session: Session, tmp
     """After the story above: most of the wall still waits."""
     found, before = session.round.rescans()[0], content(session)
     place, planning = copy_scan(found, tmp_path / "again"), session.setup.planning
-    path = plan_again(place.folder, session.round.folder, planning)
+    path = plan_again(place.folder, session.round.folder, None, planning)
     assert path is not None and len(path) > 50
     assert content(session) == before
     predicted, achieved = read_json(place.prediction), read_json(place.finish)
@@ -119,7 +119,8 @@ def test_what_is_too_thin_is_planned_beside_the_first_plan(session: Session, tmp
     target = find_target(surface, fit_wall(surface, planning.path), planning.process, planning.path.bridge_m)
     done = {**arrays, "after": np.where(np.isfinite(arrays["after"]), target.wanted, np.nan)}
     write_archive(place.achieved, "achieved", {}, done)
-    assert plan_again(place.folder, session.round.folder, planning) is None, "a wall as wanted needs nothing"
+    nothing = plan_again(place.folder, session.round.folder, None, planning)
+    assert nothing is None, "a wall as wanted needs nothing"
     assert not place.path.exists(), "and keeps no plan"
 
 
