@@ -220,7 +220,16 @@ class Coverage:
         gap = self._process.target.patch_m / self._target.cell[1]
         runs = np.split(columns, np.flatnonzero(np.diff(columns) > gap) + 1)
         ends = [(float(self._target.along[r[0]]), float(self._target.along[r[-1]])) for r in runs]
+        if self._again:  # no later layer fills what is short
+            ends = [self._lengthen(*run) for run in ends]
         return [(a, b) for a, b in ends if b - a >= LEAST_PASS_M - 1e-9]
+
+    def _lengthen(self, first: float, last: float) -> tuple[float, float]:
+        """Make a run of cells long enough for a pass, within the design line."""
+        more = max(0.0, LEAST_PASS_M - (last - first)) / 2.0
+        length = self._surface.profile.length
+        first = min(max(first - more, 0.0), length - LEAST_PASS_M)
+        return first, min(max(last + more, first + LEAST_PASS_M), length)
 
     def _pieces(self, first: float, last: float) -> list[tuple[float, float]]:
         seam = self._raster.seam
