@@ -13,7 +13,7 @@ from ascrcp.planning.table import read_joints, read_path
 from ascrcp.session import stages
 from ascrcp.session.layout_store import read_layout
 from ascrcp.session.round import Round
-from ascrcp.session.store import read_json, write_surface
+from ascrcp.session.store import read_json, write_archive, write_surface
 
 CONFIG = load_parameters()
 SURFACE = heading(
@@ -110,3 +110,14 @@ def test_a_plan_of_another_path_is_refused(folder: Path) -> None:
     Round(folder).plan.write_bytes(kept[: len(kept) // 2])
     with pytest.raises(InputError, match=r"plan\.npz"):
         stages.solve(folder, "kc", CONFIG, 0.0)
+
+
+def test_a_plan_that_does_not_tell_its_rebound_is_refused(folder: Path, tmp_path: Path) -> None:
+    """As one planned before the rebound was learned."""
+    stages.plan(folder, CONFIG)
+    with np.load(Round(folder).plan) as archive:
+        arrays = {name: archive[name] for name in archive.files if name != "head"}
+    old = tmp_path / "plan.npz"
+    write_archive(old, "plan", {"again": False}, arrays)
+    with pytest.raises(InputError, match=r"plan\.npz: rebound: .*run `ascrcp plan` on this round again"):
+        read_layout(old, SURFACE)

@@ -13,7 +13,9 @@ from ascrcp.core.flow import JointSequence
 from ascrcp.planning.table import read_joints, write_joints
 from ascrcp.planning.target import find_target
 from ascrcp.planning.wall import fit_wall
+from ascrcp.session import stages
 from ascrcp.session.again import plan_again
+from ascrcp.session.layout_store import read_layout
 from ascrcp.session.round import Round
 from ascrcp.session.session import Session
 from ascrcp.session.state import Refusal, Step
@@ -113,9 +115,22 @@ def test_what_is_too_thin_is_planned_beside_the_first_plan(session: Session, tmp
     assert predicted["again"]
     assert predicted["planned"]["within_tolerance"] > achieved["within_tolerance"] + 0.2, "it mends"
 
+    again = plan_again(place.folder, session.round.folder, session.round.folder, planning)
+    surface = read_surface(session.round.surface)
+    believed = planning.process.rebound
+    assert again is not None and read_layout(place.plan, surface)[0].rebound == believed
+    assert predicted["rebound"]["wall"] == believed.wall, "the thesis's plan does not tell what it was to lay"
+
+    # the second spraying does: as if its joints were driven, and nothing came of them but what the scan found
+    second = copy_scan(found, tmp_path / "taught")
+    timed = stages.solve(place.folder, session.setup.machine, planning, 0.0)
+    assert timed.solved.any()
+    assert plan_again(second.folder, session.round.folder, place.folder, planning) is not None
+    learned = read_layout(second.plan, surface)[0].rebound
+    assert learned == believed, "what took nothing was not sprayed"
+
     names = ("station", "along", "after", "layer", "finish")
     _, arrays = read_archive(place.achieved, "achieved", names)
-    surface = read_surface(session.round.surface)
     target = find_target(surface, fit_wall(surface, planning.path), planning.process, planning.path.bridge_m)
     done = {**arrays, "after": np.where(np.isfinite(arrays["after"]), target.wanted, np.nan)}
     write_archive(place.achieved, "achieved", {}, done)
