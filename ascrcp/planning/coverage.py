@@ -207,9 +207,9 @@ class Coverage:
         """How the passes over one line are aimed: theta2 of the bay [deg], whether at the flank instead."""
         if tilt == self._process.dose.face_tilt_deg:  # nearer the face there is no room to aim
             return [(tilt, False)]
-        if not self._again:
-            return [(tilt, layer % 2 == 0)]
         square = self._parameters.tilt_deg
+        if not self._again:  # beside an arch a flank is aimed at past the arch, which is in the way
+            return [(tilt, layer % 2 == 0 and tilt == square)]
         return [(tilt, True), *((other, False) for other in sorted({tilt, square}))]
 
     def _runs(self, on: NDArray[np.bool_]) -> list[tuple[float, float]]:
