@@ -153,6 +153,8 @@ def renew_stretches(
         walls: By layer, as they were taken for and as they are.
         process: Jet and rebound.
     """
+    if not len(stretches.first):
+        return stretches
     layer_of = lines.layer[stretches.first]
     parts, order = [], []
     columns = stretches.growth.tocsc()

@@ -26,7 +26,7 @@ from ascrcp.planning.dose import (
 from ascrcp.planning.layer import wall_before
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
 from ascrcp.planning.process import ProcessParameters, ReboundParameters
-from ascrcp.planning.prune import keep_dosed
+from ascrcp.planning.prune import LEAST_M3, keep_dosed
 from ascrcp.planning.target import Left, Target, find_target, mean_finish
 from ascrcp.planning.wall import find_floor, fit_wall
 
@@ -148,6 +148,10 @@ def plan_spray(
     plan = _dosed(surface, layout, lines.jet, stretches, process)
     if layout.again:
         lines = keep_dosed(lines, plan.dose)
+        if not len(lines.along):
+            raise NothingToSprayError(
+                f"nothing left to spray: no stroke would lay {1e3 * LEAST_M3:g} l where it is too thin"
+            )
         everywhere = np.ones(len(lines.along), dtype=bool)
         walls = walls_before(lines, target, layers)
         stretches = find_stretches(lines, lines.jet, everywhere, target, walls, process)

@@ -343,3 +343,14 @@ def test_a_near_nozzle_stands_back_where_it_would_be_too_low() -> None:
     again = make(after=np.where(feet, PLAN.target.wanted + 0.06, PLAN.target.wanted))
     assert again.lines.nozzle[:, 2].min() >= find_floor(SURFACE) + PARAMETERS.path.floor_clearance_m - 1e-9
     assert again.growth[feet].mean() > 0.03
+
+
+def test_less_than_a_litre_is_not_worth_a_stroke() -> None:
+    thin = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.1) & (np.abs(PLAN.target.along - 13.0) < 0.1)
+    with pytest.raises(InputError, match="no stroke would lay 1 l"):
+        make(after=np.where(thin, PLAN.target.wanted + 0.02, PLAN.target.wanted))
+
+
+def test_a_plan_of_which_no_point_is_reached_lays_nothing() -> None:
+    found = replan(PLAN.layout, SURFACE, PLAN.path, np.zeros(len(PLAN.path), dtype=bool), PROCESS)
+    assert found.dose.volume == 0.0 and not found.exposed.any()
