@@ -20,7 +20,7 @@ from ascrcp.planning.target import mean_patch
 BELIEF = {"wall": 0.04, "crown": 0.06, "angle": 0.3}  # one sigma of what is learned; placeholder
 NOISE_M = 0.015  # one sigma of a patch that rebound does not explain: aim, scan; placeholder
 OUTLIER = 1.5  # sigmas beyond which a patch weighs less
-ROUNDS = 8  # of weighting; the result changes by less than 0.001 from then on
+ROUNDS = 8  # of weighting; placeholder
 STEP = 0.05  # of a parameter, to see what it does
 LEAST_M = 0.005  # patches that were to get less tell nothing
 TAKEN_SHARE = 0.3  # patches that took less were hardly sprayed: a run that was stopped, concrete that fell
