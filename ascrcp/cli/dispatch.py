@@ -1,5 +1,6 @@
 """Find the function of a command by its name: only what the command needs is loaded."""
 
+import gc
 from collections.abc import Callable
 from importlib import import_module
 
@@ -44,4 +45,6 @@ def find_command(name: str) -> Command:
     """
     module, _, function = COMMANDS[name].partition(":")
     found: Command = getattr(import_module(f"ascrcp.cli.{module}"), function)
+    if not gc.get_freeze_count():  # what was loaded stays: no use in searching it for garbage
+        gc.freeze()
     return found

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
@@ -25,6 +26,14 @@ class Sight:
 
     distance: Array
     centre: Array
+
+    def pick(self, rows: NDArray[np.int64]) -> "Sight":
+        """Return what some of the joint vectors see."""
+        return Sight(self.distance[rows], self.centre[rows])
+
+    def put(self, rows: NDArray[np.int64], other: "Sight") -> None:
+        """Replace what some of the joint vectors see, in place."""
+        self.distance[rows], self.centre[rows] = other.distance, other.centre
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,7 @@ FIRST_DAMPING = 1.0
 """Damping of the first round [1/m]: small against 1 / distance."""
 
 GAIN = 1e-4
-"""Relative gain of a round at which smoothing ends."""
+"""Relative gain of a round at which smoothing a piece ends."""
 
 NEAREST = 0.05
 """Distances between points count as at least this [m]: table rows may coincide."""
@@ -45,10 +45,6 @@ class Keeper:
 
     barrier: Barrier
     emphasis: Array
-
-    def pick(self, rows: NDArray[np.int64]) -> "Keeper":
-        """Return the keeper of some of the points."""
-        return Keeper(self.barrier, self.emphasis[rows])
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,7 @@ def smooth_round(
     q: Array,
     distance: Array,
     curvature: float,
-    damping: float,
+    damping: Array,
     push: tuple[Array, Array] | None = None,
 ) -> Array:
     """Do one Gauss-Newton round.
@@ -112,7 +108,7 @@ def smooth_round(
         q: Joint vectors, shape (n, joints).
         distance: Distance from the point before [m], infinite where the chain is cut, shape (n,).
         curvature: Weight of the squared second difference by distance [m].
-        damping: Weight of the change itself, against staying [1/m].
+        damping: Weight of the change itself, against staying [1/m], shape (n,).
         push: Further terms of the points by themselves: blocks (n, joints, joints), gradient (n, joints).
 
     Returns:
@@ -132,7 +128,7 @@ def smooth_round(
     pull, first, second = _difference_terms(q, distance, curvature)
     gradient += cost.metric * pull[1]
     idx = np.arange(joints)
-    blocks[:, idx, idx] += cost.metric * (pull[0] + damping)
+    blocks[:, idx, idx] += cost.metric * (pull[0] + damping[:, None])
     band = np.zeros((2 * joints + 1, n * joints))
     for k in range(joints):  # within a point: upper diagonal form, row u + i - j
         for j in range(k, joints):
@@ -143,13 +139,16 @@ def smooth_round(
     return q - step.reshape(n, joints)
 
 
-def total_cost(arm: Arm, cost: Cost, q: Array, distance: Array, curvature: float) -> float:
-    """Compute what smoothing minimises over the chain q (n, joints); limits included, task not."""
+def point_cost(arm: Arm, cost: Cost, q: Array, distance: Array, curvature: float) -> Array:
+    """Split what smoothing minimises over the chain q (n, joints) into shares of the points, (n,).
+
+    Their sum over a piece between two cuts is the piece's cost; limits included, task not.
+    """
     product = _difference_terms(q, distance, curvature)[0][1]
     off = q @ arm.limit_matrix.T - cost.middle
     beyond = np.maximum(np.abs(off) - cost.limit_half, 0.0)
-    hard = HARD_LIMIT * (cost.limit * beyond**2).sum()
-    return float((cost.metric * q * product).sum() + own_cost(arm, cost, q).sum() + hard)
+    hard = HARD_LIMIT * (cost.limit * beyond**2).sum(axis=1)
+    return np.asarray((cost.metric * q * product).sum(axis=1) + own_cost(arm, cost, q) + hard)
 
 
 def smooth_chain(
@@ -165,7 +164,8 @@ def smooth_chain(
 ) -> Array:
     """Smooth a chain until it gains no more: Levenberg's damping around `smooth_round`.
 
-    A round that does not lower the total cost is thrown away and the damping raised.
+    The pieces between two cuts know nothing of each other: each has its own damping, raised where a
+    round does not lower the piece's cost and is thrown away, and each ends by itself.
 
     Args:
         arm: The arm.
@@ -181,35 +181,45 @@ def smooth_chain(
     Returns:
         Joint vectors on their targets, shape (n, joints).
     """
+    piece = np.cumsum(~np.isfinite(distance))
+    count = int(piece[-1]) + 1
 
-    def judge(q: Array) -> tuple[float, Sight | None]:
-        travel = total_cost(arm, cost, q, distance, curvature)
-        if keeper is None:
-            return travel, None
-        sight = keeper.barrier.look(q)
-        return travel + float(keeper.barrier.cost(sight, keeper.emphasis).sum()), sight
+    def judge(q: Array, rows: NDArray[np.int64]) -> tuple[Array, Sight | None]:
+        price = point_cost(arm, cost, q, distance[rows], curvature)
+        sight = None
+        if keeper is not None:
+            sight = keeper.barrier.look(q)
+            price += keeper.barrier.cost(sight, keeper.emphasis[rows])
+        return np.bincount(piece[rows], price, count).astype(float), sight
 
     q = project_task(arm, T, q, cost.metric)
-    (best, sight), damping = judge(q), FIRST_DAMPING
-    push = None
+    best, sight = judge(q, np.arange(len(q)))
+    damping, going = np.full(count, FIRST_DAMPING), np.ones(count, dtype=bool)
     for done in range(1, rounds + 1):
         report(done)
-        if keeper is not None and sight is not None and push is None:
-            push = keeper.barrier.terms(q, sight, keeper.emphasis)
+        rows = np.flatnonzero(going[piece])
+        if not rows.size:
+            break
+        push = None
+        if keeper is not None and sight is not None:
+            push = keeper.barrier.terms(q[rows], sight.pick(rows), keeper.emphasis[rows])
         try:
-            trial = smooth_round(arm, cost, T, q, distance, curvature, damping, push)
+            trial = smooth_round(
+                arm, cost, T[rows], q[rows], distance[rows], curvature, damping[piece[rows]], push
+            )
         except np.linalg.LinAlgError:  # not positive definite by rounding: more damping mends it
             damping *= 8.0
             continue
-        trial = project_task(arm, T, trial, cost.metric, rounds=2)
-        reached, seen = judge(trial)
-        if not reached < best:
-            damping *= 8.0
-            continue
-        gain, best, q, sight, push = best - reached, reached, trial, seen, None
-        damping /= 4.0
-        if gain < GAIN * best:
-            break
+        trial = project_task(arm, T[rows], trial, cost.metric, rounds=2)
+        reached, seen = judge(trial, rows)
+        better = going & (reached < best)
+        taken = better[piece[rows]]
+        q[rows[taken]] = trial[taken]
+        if sight is not None and seen is not None:
+            sight.put(rows[taken], seen.pick(np.flatnonzero(taken)))
+        damping *= np.where(better, 0.25, 8.0)
+        going &= ~(better & (best - reached < GAIN * best))
+        best = np.where(better, reached, best)
     return q
 
 

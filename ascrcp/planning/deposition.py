@@ -20,6 +20,7 @@ from ascrcp.planning.target import ArchLid, Target
 WINDOW = 1.6  # half width of the window of cells looked at, in footprint radii: tilt and stand-off included
 SLOPE_SIGMA_M = 0.10  # one sigma over which the wall's slope is taken: steeper rims are edges, not slopes
 MAX_REBOUND = 0.9
+LEAST_DEPTH_M = 0.05  # before the nozzle: nearer cells count as so far
 
 
 @dataclass(frozen=True)
@@ -101,6 +102,8 @@ def deposit(jet: Jet, target: Target, offset: Array, process: ProcessParameters)
     ok = (r >= 0) & (r < len(target.station)) & (c >= 0) & (c < len(target.along))
     which, _ = np.nonzero(ok)
     index = (r * len(target.along) + c)[ok]
+    met = _is_in_cone(jet, cells, which, index, process.spray)  # a fifth of the window
+    which, index = which[met], index[met]
     growth = _growth(jet, cells, which, index, process)
     lit = growth > 0.0
     which, index, growth = which[lit], index[lit], growth[lit]
@@ -140,6 +143,22 @@ def _aim(jet: Jet, target: Target, offset: Array) -> tuple[NDArray[np.int64], ND
     return row, column, nozzle_offset
 
 
+def _is_in_cone(
+    jet: Jet,
+    cells: _Cells,
+    which: NDArray[np.int64],
+    index: NDArray[np.int64],
+    spray: SprayParameters,
+) -> NDArray[np.bool_]:
+    """Whether cell `index` lies within the cone of jet `which`."""
+    depth, square = np.zeros(len(index)), np.zeros(len(index))
+    for k in range(3):
+        view = cells.point[:, k][index] - jet.position[:, k][which]
+        depth += view * jet.direction[:, k][which]
+        square += view**2
+    return np.asarray(square - depth**2 < (spray.radius_m * np.maximum(depth, LEAST_DEPTH_M)) ** 2)
+
+
 def _growth(
     jet: Jet,
     cells: _Cells,
@@ -152,7 +171,7 @@ def _growth(
     d = jet.direction[which]
     depth = (view * d).sum(axis=1)
     across = np.linalg.norm(view - depth[:, None] * d, axis=1)
-    depth = np.maximum(depth, 0.05)
+    depth = np.maximum(depth, LEAST_DEPTH_M)
     density = footprint(across / depth, process.spray)
     outward = cells.outward[index]
     radial = (view[:, 1:] * outward).sum(axis=1)

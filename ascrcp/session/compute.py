@@ -5,6 +5,7 @@ they made the control loop miss its deadlines (faults, trap 1). A spawned proces
 work, arrays travel through shared memory, and only the small rest is pickled.
 """
 
+import gc
 import itertools
 import multiprocessing as mp
 import pickle
@@ -186,6 +187,7 @@ def _serve(pipe: Connection, cancel: Any, niceness: int, is_ahead: bool) -> None
     be_ordinary(niceness)
     if is_ahead:
         load_stages()
+        gc.freeze()  # what was loaded stays: no use in searching it for garbage
 
     def progress(fraction: float) -> None:
         if cancel.is_set():
