@@ -23,9 +23,7 @@ from ascrcp.planning.target import Left, Target
 SAMPLES = (0.25, 0.75)  # of a stretch where its jet stands: 0.1 m apart, less than the footprint's deviation
 LEAST_LENGTH_M = 0.02  # a stretch on which the nozzle only turns
 EXPOSED = 0.45  # of the median exposure, below which a cell cannot be brought to the target; placeholder
-SHADOW_M = (
-    0.25  # so near an arch what no jet exposes lies in its shadow: flanges, and jets oblique beside them
-)
+SHADOW_M = 0.25  # so near an arch what no jet exposes lies in its shadow: flanges, oblique jets
 STEEP_DEG = 45.0  # a flank steeper than this catches too little of a jet square to the bay; placeholder
 LAYER_SLACK = 1.5  # a stretch may lay so much more than its share of the layer limit: its neighbours lay less
 LEAST_YIELD = 0.3  # a stretch that loses more is not driven harder; placeholder
@@ -213,7 +211,7 @@ def solve_dose(
     unit = process.dose.pass_spacing_m  # a dose of one metre's layer: its width times one metre
     matrix = stretches.growth * unit
     back = csr_matrix(matrix.T)
-    need = target.offset - target.wanted
+    need = find_need(target, process)
     need = need - held_back(target, process) * np.maximum(need, 0.0)
     cell = target.cell
     size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
@@ -264,6 +262,15 @@ def solve_dose(
         weight_of = np.where(mask, np.where(over, process.dose.over_weight, 1.0), 0.0)
         amount = descend(gradient, highest, amount, process.dose.iterations)
     return Dose(stretches, _round_off(amount * unit, process))
+
+
+def find_need(target: Target, process: ProcessParameters) -> Array:
+    """How much each cell lacks [m], shape (ns, na).
+
+    What is too thick cannot be taken off: beyond the tolerance it does not make up for what is too thin
+    beside it.
+    """
+    return np.asarray(np.maximum(target.offset - target.wanted, -process.target.tolerance_m))
 
 
 def held_back(target: Target, process: ProcessParameters) -> Array:

@@ -1,6 +1,7 @@
 """What a second scan found on the grid of the target: points -> surface after spraying."""
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, median_filter
 
@@ -13,15 +14,22 @@ BEFORE_M = 0.15  # echoes further before the wanted surface are no wall: people,
 BEHIND_M = 0.05  # and further behind the wall of the first scan; twice its roughness in a cell
 LEAST_POINTS = 2  # in a cell
 BRIDGE_CELLS = 2.5  # unseen cells no further than this from seen ones take their value
+AROUND_CELLS = 4  # seen cells so near tell by how much an unseen one misses what was expected
 
 
-def find_after(points: NDArray[np.float32], surface: Surface, target: Target) -> Array:
+def find_after(
+    points: NDArray[np.float32], surface: Surface, target: Target, expected: Array | None = None
+) -> Array:
     """Average the wall a second scan saw over the target's cells.
+
+    Of what it did not see, behind arches and rims, the thicker of two guesses is believed: between the
+    cells that were seen, or what was sprayed there. Concrete laid where nobody sees it stays.
 
     Args:
         points: The second scan, registered onto the first, base frame [m], shape (n, 3).
         surface: The first scan, recognised.
         target: Grid, and the wall before spraying.
+        expected: Offset that was to be left by what was sprayed [m], shape (ns, na); None if not known.
 
     Returns:
         Offset from the design line [m], NaN where not seen, shape (ns, na).
@@ -43,18 +51,32 @@ def find_after(points: NDArray[np.float32], surface: Surface, target: Target) ->
     mean = np.bincount(index, offset, minlength=target.offset.size) / np.maximum(count, 1)
     after = np.where(count >= LEAST_POINTS, mean, np.nan).reshape(shape)
     for mask in (target.arch, ~target.arch):
-        _bridge(after, mask)
+        seen = np.isfinite(after) & mask
+        _bridge(after, seen, mask)
+        holes = mask & ~seen & np.isfinite(after)
+        if expected is not None and holes.any():
+            after[holes] = np.minimum(after[holes], _expect(after, seen, holes, expected))
     return after
 
 
-def _bridge(after: Array, mask: NDArray[np.bool_]) -> None:
+def _expect(after: Array, seen: NDArray[np.bool_], holes: NDArray[np.bool_], expected: Array) -> Array:
+    """Guess unseen cells (k,) from what was sprayed and how much the seen ones round them miss that [m]."""
+    size = 2 * AROUND_CELLS + 1
+    missed = np.pad(np.where(seen, after - expected, np.nan), AROUND_CELLS, constant_values=np.nan)
+    around = sliding_window_view(missed, (size, size))[holes].reshape(-1, size * size)
+    known = np.isfinite(around).any(axis=1)
+    guess = expected[holes]
+    guess[known] += np.nanmedian(around[known], axis=1)
+    return np.asarray(guess)
+
+
+def _bridge(after: Array, seen: NDArray[np.bool_], mask: NDArray[np.bool_]) -> None:
     """Fill small holes of one kind of surface, in place.
 
     A hole between two seen cells of one column is what the lidar, looking along the tunnel, did not see
     behind a rim: the chord between them is its line of sight, and the wall lies no nearer. Other holes take
     their nearest neighbours' value.
     """
-    seen = np.isfinite(after) & mask
     if not seen.any():
         return
     far, nearest = distance_transform_edt(~seen, return_indices=True)

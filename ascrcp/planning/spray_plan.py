@@ -19,6 +19,7 @@ from ascrcp.planning.dose import (
     choose_speed,
     explain,
     find_exposed,
+    find_need,
     find_stretches,
     renew_stretches,
     solve_dose,
@@ -244,7 +245,7 @@ def find_thin(target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
     Raises:
         NothingToSprayError: There are none.
     """
-    lack = mean_finish(target.offset - target.wanted, target.inside, target, process.target.patch_m)
+    lack = mean_finish(find_need(target, process), target.inside, target, process.target.patch_m)
     with np.errstate(invalid="ignore"):
         thin = lack > RESPRAY_SHARE * process.target.tolerance_m
     if not thin.any():

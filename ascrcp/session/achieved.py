@@ -58,6 +58,7 @@ def measure_achieved(
     layout: Layout | None,
     config: PlanningParameters,
     survey: SurveyParameters,
+    expected: Array | None = None,
 ) -> Achieved:
     """Lay a further scan over the first and measure what has been laid.
 
@@ -67,6 +68,7 @@ def measure_achieved(
         layout: Of the plan that was sprayed first: tells what it could cover; None without one.
         config: Grid, wanted surface, patch.
         survey: Registration, thickness.
+        expected: Offset that was to be left by what was sprayed [m], on the plan's grid; None if not known.
 
     Raises:
         RecognitionError: The scans do not show the same wall.
@@ -75,15 +77,9 @@ def measure_achieved(
     second = replace(first, points=points, labels=labels)
     found = register(stable_points(first), stable_points(second), survey.registration)
     moved = apply_transform(found.T_first_second, points.astype(float)).astype(np.float32)
-    target = layout.target if layout is not None else _target(first, config)
-    after = find_after(moved, first, target)
+    target = layout.target if layout is not None else find_grid(first, config)
+    after = find_reached(moved, first, target, survey, expected)
     seen = np.isfinite(after)
-    share = seen.sum() / max(1, np.isfinite(target.offset).sum())
-    if not share >= survey.registration.min_share:
-        raise RecognitionError(
-            f"the scan shows {100 * share:.0f} % of the wall of the first one, "
-            f"needed {100 * survey.registration.min_share:.0f} %"
-        )
     beyond = target.station > first.unsprayed[1]  # of the face nobody knows how far it was
     layer = np.where(beyond[:, None], np.nan, target.offset - after)
     on_wall = target.station < first.unsprayed[1] - config.process.target.corner_m  # not the face
@@ -105,6 +101,30 @@ def measure_achieved(
     return Achieved(target, after, layer, finish.value, surface, figures)
 
 
+def find_reached(
+    points: NDArray[np.float32],
+    first: Surface,
+    target: Target,
+    survey: SurveyParameters,
+    expected: Array | None,
+) -> Array:
+    """Find the wall a further scan shows (`find_after`), if it shows enough of it.
+
+    Raises:
+        RecognitionError: It does not.
+    """
+    if expected is not None and expected.shape != target.offset.shape:
+        expected = None
+    after = find_after(points, first, target, expected)
+    share = np.isfinite(after).sum() / max(1, np.isfinite(target.offset).sum())
+    needed = survey.registration.min_share
+    if not share >= needed:
+        raise RecognitionError(
+            f"the scan shows {100 * share:.0f} % of the wall of the first one, needed {100 * needed:.0f} %"
+        )
+    return after
+
+
 def carry_labels(points: NDArray[np.float32], first: Surface) -> NDArray[np.uint8]:
     """Tell what each point is from its nearest neighbour in the first scan; what is new is OTHER, (n,)."""
     tree = cKDTree(first.points[::EVERY])
@@ -115,7 +135,8 @@ def carry_labels(points: NDArray[np.float32], first: Surface) -> NDArray[np.uint
     return labels
 
 
-def _target(first: Surface, config: PlanningParameters) -> Target:
+def find_grid(first: Surface, config: PlanningParameters) -> Target:
+    """Find present and wanted surface as the plan does."""
     wall = fit_wall(first, config.path)
     return find_target(first, wall, config.process, config.path.bridge_m)
 

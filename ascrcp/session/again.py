@@ -21,7 +21,7 @@ from ascrcp.planning.prediction import predict
 from ascrcp.planning.spray_plan import plan_spray
 from ascrcp.planning.table import write_path
 from ascrcp.session.achieved import Achieved, measure_achieved
-from ascrcp.session.layout_store import learn, read_layout, write_layout
+from ascrcp.session.layout_store import find_expected, learn, read_layout, write_layout
 from ascrcp.session.outcome import Measured
 from ascrcp.session.round import Round
 from ascrcp.session.snapshot import WallLayer
@@ -41,6 +41,7 @@ _GRIDS = ("after", "layer", "finish")
 def measure(
     folder: Path,
     first: Path,
+    sprayed: Path | None,
     machine: str,
     config: PlanningParameters,
     perception: PerceptionParameters,
@@ -52,6 +53,7 @@ def measure(
     Args:
         folder: Folder of the further scan.
         first: Round folder of the first.
+        sprayed: Folder of the plan that was driven to its end since the scan before; None if none was.
         machine: Machine name or YAML, for the lidar's place on the arm.
         config: Planner: grid, wanted surface.
         perception: For thinning the cloud.
@@ -69,7 +71,8 @@ def measure(
     points = voxel(crop(cloud.points, surface.profile, perception.crop), perception.voxel)
     progress(0.3)
     layout = read_layout(before.plan, surface)[0] if before.plan.exists() else None
-    found = measure_achieved(points, surface, layout, config, load_survey())
+    expected = None if sprayed is None else find_expected(Round(sprayed), surface)
+    found = measure_achieved(points, surface, layout, config, load_survey(), expected)
     progress(0.8)
     write_surface(round_.surface, found.surface)
     write_labelled_cloud(round_.cloud, found.surface)

@@ -87,6 +87,25 @@ def learn(sprayed: Round, surface: Surface, after: Array, process: ProcessParame
     return change(process, rebound=learn_rebound(layout, surface, sequence, after, process))
 
 
+def find_expected(sprayed: Round, surface: Surface) -> Array | None:
+    """Offset from the design line that what was sprayed was to leave [m], shape (ns, na).
+
+    Args:
+        sprayed: Folder with the plan and the joints that were driven.
+        surface: The heading before any spraying.
+
+    Returns:
+        None if nothing tells what was sprayed.
+
+    Raises:
+        InputError: A damaged file.
+    """
+    if not (sprayed.plan.exists() and sprayed.joints.exists()):
+        return None
+    layout, growth, _ = read_layout(sprayed.plan, surface)
+    return np.asarray(layout.target.offset - growth)
+
+
 def layout_of(round_: Round, path: SprayPath, surface: Surface | None) -> Layout | None:
     """Return the layout a path was planned with, None if it has none.
 

@@ -1,6 +1,7 @@
 """Closing the loop: scan the sprayed wall again, measure the layer, plan what is still too thin."""
 
 from collections.abc import Callable
+from pathlib import Path
 
 from ascrcp.core.errors import AscrcpError, UnreachableError
 from ascrcp.core.flow import SprayPath
@@ -44,6 +45,7 @@ def _measure(desk: Desk, place: Round) -> None:
             Remote.MEASURE,
             place.folder,
             session.round.folder,
+            _driven(desk),
             setup.machine,
             setup.planning,
             setup.perception,
@@ -63,17 +65,21 @@ def _measure(desk: Desk, place: Round) -> None:
     )
 
 
+def _driven(desk: Desk) -> Path | None:
+    """Return the folder of the plan that was driven to its end since the scan before."""
+    return desk.round.folder if desk.is_finished else None
+
+
 def _plan_again(desk: Desk, place: Round) -> Finding:
     """Plan and solve what is too thin; the plan before gives way to it."""
     session, setup = desk.session, desk.session.setup
     session.stage("Planning the second spraying", "正在规划补喷", 0.5)
-    sprayed = desk.round.folder if desk.is_finished else None
     with session.stopwatch("plan"):
         path: SprayPath | None = session.run_compute(
             Remote.PLAN_AGAIN,
             place.folder,
             session.round.folder,
-            sprayed,
+            _driven(desk),
             setup.planning,
             share=(0.5, 0.75),
         )

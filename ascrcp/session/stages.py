@@ -42,12 +42,10 @@ from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.path import plan as plan_path
 from ascrcp.planning.prediction import Prediction, predict
 from ascrcp.planning.pump import fill_flow
-from ascrcp.planning.rescan import find_after
 from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
 from ascrcp.planning.table import read_joints, read_path, write_joints, write_path
-from ascrcp.planning.target import find_target
-from ascrcp.planning.wall import fit_wall
-from ascrcp.session.layout_store import layout_of, learn, write_layout
+from ascrcp.session.achieved import find_grid, find_reached
+from ascrcp.session.layout_store import find_expected, layout_of, learn, write_layout
 from ascrcp.session.outcome import Loaded, Solution
 from ascrcp.session.round import Round
 from ascrcp.session.store import read_json, read_scan, read_surface, write_json, write_surface
@@ -157,7 +155,8 @@ def plan(
         round_.leave_rescans()
         write_path(round_.path, path)
         return path
-    found = None if after is None else achieved_surface(surface, config, after)
+    expected = None if after is None else find_expected(round_, surface)
+    found = None if after is None else achieved_surface(surface, config, after, expected)
     process = config.process if found is None else learn(round_, surface, found, config.process)
     planned = plan_spray(surface, config.path, process, found, progress)
     predicted = predict(planned, process)
@@ -171,34 +170,31 @@ def plan(
     return planned.path
 
 
-def achieved_surface(surface: Surface, config: PlanningParameters, after: Path) -> Array:
+def achieved_surface(
+    surface: Surface, config: PlanningParameters, after: Path, expected: Array | None
+) -> Array:
     """Read a second scan and lay it over the first: the surface reached, on the grid of the plan.
 
     Args:
         surface: The heading as recognised before spraying.
         config: For the grid.
         after: Recognised round folder, or a cloud in the base frame of the first scan.
+        expected: Offset that was to be left by what was sprayed [m]; None if not known.
 
     Raises:
         InputError: Nothing readable, or a scan that does not fit the first one.
     """
+    survey = load_survey()
     if after.is_dir():
         second = read_surface(Round(after).need("surface", "recognise"))
-        moved = register(stable_points(surface), stable_points(second), load_survey().registration)
+        moved = register(stable_points(surface), stable_points(second), survey.registration)
         points = apply_transform(moved.T_first_second, second.points.astype(float)).astype(np.float32)
     else:
         points = read_cloud(after).points
-    wall = fit_wall(surface, config.path)
-    target = find_target(surface, wall, config.process, config.path.bridge_m)
-    found = find_after(points, surface, target)
-    share = np.isfinite(found).sum() / max(1, np.isfinite(target.offset).sum())
-    needed = load_survey().registration.min_share
-    if not share >= needed:
-        raise InputError(
-            f"{after}: shows {100 * share:.0f} % of the wall of the first scan, needed {100 * needed:.0f} %; "
-            "is it of this heading, in the base frame?"
-        )
-    return found
+    try:
+        return find_reached(points, surface, find_grid(surface, config), survey, expected)
+    except RecognitionError as error:
+        raise InputError(f"{after}: {error}; is it of this heading, in the base frame?") from error
 
 
 def solve(

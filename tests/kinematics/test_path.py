@@ -9,6 +9,7 @@ from ascrcp.core.errors import CancelledError, InputError
 from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import angle_between, rotation
 from ascrcp.kinematics import Arm, PathSolution, load_arm, sagged_forward, solve_path, spray_pose
+from ascrcp.kinematics.smooth import make_cost, smooth_chain
 
 # thesis table 4-1: X, Y, Z [mm], theta3 [deg]; theta2 = 75 deg in every row
 TABLE_4_1 = """
@@ -219,3 +220,31 @@ def test_bad_calls_are_refused():
         solve_path(arm, make_path(np.zeros((0, 3)), np.zeros(0), np.zeros(0)), arm.zero_pose)
     with pytest.raises(InputError, match="payload"):
         solve_path(arm, path, arm.zero_pose, -5.0)
+
+
+def test_pieces_between_cuts_are_smoothed_as_if_each_were_alone() -> None:
+    """Damping, acceptance and the end of the rounds belong to a piece, whatever else is smoothed with it."""
+    arm = load_arm("kc")
+    path = round_tunnel(stations=np.array([11.0]))
+    model = arm.description.path
+    assert model is not None
+    cost, T = make_cost(arm, model), spray_pose(path)
+    q = solve_path(arm, path, arm.zero_pose).q
+    rough = q.copy()
+    rough[::2, 4] += 0.05  # what smoothing takes out again
+    distance = np.append(np.inf, np.linalg.norm(np.diff(path.position, axis=0), axis=1))
+    cut = len(q) // 3
+    distance[cut] = np.inf
+
+    def smooth(rows: slice) -> np.ndarray:
+        gaps = distance[rows].copy()
+        weight = model.curvature_weight
+        return smooth_chain(arm, cost, T[rows], rough[rows], gaps, weight, 12, lambda done: None)
+
+    whole = smooth(slice(None))
+    alone = np.concatenate([smooth(slice(0, cut)), smooth(slice(cut, None))])
+    np.testing.assert_allclose(whole, alone, atol=1e-9)
+    travel = [np.abs(np.diff(each[:cut, 4])).sum() for each in (rough, whole)]
+    assert travel[1] < 0.2 * travel[0]
+    reached = arm.forward(whole)
+    assert np.linalg.norm(reached[:, :3, 3] - T[:, :3, 3], axis=1).max() < 1e-4

@@ -75,7 +75,7 @@ def test_a_second_scan_of_another_place_is_refused(folder: Path, tmp_path: Path)
     elsewhere = tmp_path / "cloud.xyz"
     np.savetxt(elsewhere, SURFACE.points[::20] * [1.0, 0.7, 0.7], fmt="%.3f")
     before = stages.plan(folder, CONFIG)
-    with pytest.raises(InputError, match=r"of the wall of the first scan.*this heading"):
+    with pytest.raises(InputError, match=r"of the wall of the first one.*this heading"):
         stages.plan(folder, CONFIG, elsewhere)
     assert len(read_path(Round(folder).path)) == len(before), "the plan before stays"
 

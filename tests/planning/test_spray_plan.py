@@ -7,14 +7,14 @@ from planning_heading import heading
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import apply_transform, inverse_transform
-from ascrcp.planning.dose import build_walls, explain, find_stretches, held_back, steepness
+from ascrcp.planning.dose import build_walls, explain, find_need, find_stretches, held_back, steepness
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.learning import learn_rebound
 from ascrcp.planning.parameter import change, load_parameters
 from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow, laid_amount
 from ascrcp.planning.rescan import find_after
-from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
+from ascrcp.planning.spray_plan import SprayPlan, find_thin, plan_spray, replan
 from ascrcp.planning.target import LEFT_TEXT, Left
 from ascrcp.planning.wall import find_floor, fit_wall
 
@@ -264,6 +264,39 @@ def test_a_hole_behind_a_rim_is_read_by_the_line_of_sight() -> None:
     clear = (np.abs(target.along - 13.0) < 2.0) & ~target.arch[row - 2 : row + 3].any(axis=0)
     chord = (found[row - 2] + found[row + 2]) / 2.0
     np.testing.assert_allclose(found[row, clear], chord[clear], atol=1e-6)
+
+
+@pytest.mark.parametrize(("sprayed_m", "believed_m"), [(0.30, 0.30), (0.0, 0.05)])
+def test_what_no_scan_sees_is_where_the_spraying_left_it_if_that_is_thicker(
+    sprayed_m: float, believed_m: float
+) -> None:
+    """A wall with 50 mm on it; behind an arch, in a hole of the scan, the plan laid more, or nothing."""
+    target = PLAN.target
+    cloud = scan_of(PLAN, np.full(target.offset.shape, 0.05))
+    row = int(np.argmin(np.abs(target.station - 11.8)))
+    T = inverse_transform(SURFACE.axis.T_base_tunnel)
+    station = apply_transform(T, cloud.astype(float))[:, 0]
+    hidden = np.abs(station - target.station[row]) < 1.5 * target.cell[0]
+    laid = np.full(target.offset.shape, 0.05)
+    laid[row - 1 : row + 2] = sprayed_m
+    found = find_after(cloud[~hidden], SURFACE, target, target.offset - laid)
+    clear = (np.abs(target.along - 13.0) < 2.0) & ~target.arch[row - 2 : row + 3].any(axis=0)
+    layer = (target.offset - found)[row, clear]
+    assert layer.mean() == pytest.approx(believed_m, abs=0.01)
+    assert layer.min() > believed_m - 0.04, "the rock itself is rough"
+
+
+def test_what_is_too_thick_does_not_make_up_for_what_is_too_thin_beside_it() -> None:
+    target = PLAN.target
+    strip = np.abs(target.along - 13.0) < 1.0
+    thin = strip & (np.abs(target.station[:, None] - 11.7) < 0.16) & ~target.arch
+    beside = strip & (np.abs(target.station[:, None] - 12.0) < 0.13) & ~target.arch
+    bump = np.where(thin, 0.04, np.where(beside, -0.20, 0.0))
+    uneven = dataclasses.replace(target, offset=target.wanted + bump)
+    found = find_thin(uneven, PROCESS)
+    edge = thin & ~np.roll(thin, -1, axis=0)
+    assert found[edge].all(), "the row next to the excess counts too"
+    assert find_need(uneven, PROCESS).min() == pytest.approx(-PROCESS.target.tolerance_m)
 
 
 def test_what_no_jet_exposes_is_told_apart() -> None:

@@ -22,7 +22,7 @@ from ascrcp.session.state import Refusal, Step
 from ascrcp.session.store import read_archive, read_json, read_surface, write_archive
 
 SMALL = Path(__file__).parents[1] / "app" / "small.yaml"
-SPRAYED_S = 25.0  # of the plan that are sprayed here: a few square metres
+SPRAYED_S = 150.0  # of the plan at least are sprayed here: square metres, far above the noise of a scan
 FIRST = ("scan.npz", "surface.npz", "path.csv", "joints.csv", "trace.npz", "features.json")
 
 
