@@ -64,8 +64,10 @@ def bench(options: Options, output: Output) -> int:
         figures += measure_speed(options.seed, output.say)
         proofs += measure_perception(options.seed, output.say)
     if options.which in ("all", "planning"):
+        from ascrcp.cli.bench_chain import measure_chain
         from ascrcp.cli.bench_planning import measure_planning
 
+        figures += measure_chain(options.machine, options.seed, output.say)
         proofs += measure_planning(options.machine, options.seed, output.say)
     if options.which in ("all", "proof"):
         from ascrcp.cli.bench_proof import prove_inverse

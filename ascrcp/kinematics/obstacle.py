@@ -11,13 +11,13 @@ from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt, label, map_coordinates
+from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from ascrcp.core.errors import InputError
-from ascrcp.core.flow import Label, Surface
+from ascrcp.core.flow import Surface
 from ascrcp.core.geometry import Array, apply_transform, inverse_transform
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.capsule import make_body
+from ascrcp.kinematics.body import find_bodies
 from ascrcp.kinematics.room import Room
 
 BEHIND = -4.0
@@ -26,30 +26,11 @@ BEHIND = -4.0
 BEYOND = 0.6
 """How far the field reaches into the rock [m]."""
 
-BODY_INSIDE = 0.3
-"""Points this far inside the wall that are neither floor nor face belong to a body [m]."""
-
-BODY_CELL = 0.2
-"""Side of the cells that are joined into bodies [m]."""
-
-BODY_DENSITY = 4
-"""Cells with fewer points than this hold dust: what it returns is thin and spread through the air."""
-
-BODY_POINTS = 30
-"""Fewer points than this in one piece are no body."""
-
-BODY_WIDTH = 0.25
-"""A body is wider than this in the level [m]; falling water is not. That of even points with the same
-variance: a few of the dust beside a falling stream do not make it wide."""
-
 CARRIER_REACH = 1.5
 """How far round the carrier its distance is entered [m]: beyond, nothing asks for it."""
 
 OUTLINE = 400
 """Points of the design line that give the field's extent."""
-
-OWN_MARGIN = 0.35
-"""Points this near the arm where it scanned are the arm's own [m]: hoses and cables are not modelled."""
 
 
 class Obstacle(IntEnum):
@@ -110,7 +91,7 @@ class Obstacles:
         counts = (np.ceil((high - low) / model.cell).astype(int) + 1).tolist()
         axes = [first + model.cell * np.arange(count) for first, count in zip(low, counts, strict=True)]
         room = Room(surface, axes[0], axes[1], axes[2])
-        found = _find_bodies(surface, room, arm, arm.zero_pose if scan_q is None else scan_q)
+        found = find_bodies(surface, room, arm, arm.zero_pose if scan_q is None else scan_q)
         parts = [(room.wall_points(), Obstacle.WALL), (room.arch_points(), Obstacle.ARCH)]
         parts += [(room.floor_points(), Obstacle.FLOOR), (room.face_points(), Obstacle.FACE)]
         parts.append((found if bodies else found[:0], Obstacle.BODY))
@@ -168,42 +149,6 @@ class Obstacles:
         for row, count in zip(u, (ns, ny, nz), strict=True):
             np.clip(row, 0, count - 1, out=row)
         return np.asarray(((u[0] * ny + u[1]) * nz + u[2]).astype(np.int64))
-
-
-def _find_bodies(surface: Surface, room: Room, arm: Arm, scan_q: ArrayLike) -> Array:
-    """Find points of vehicles, people and muck: well inside the wall, in one piece, not the arm's own.
-
-    Returns:
-        Tunnel frame [m], shape (n, 3).
-    """
-    points = surface.points[surface.labels == Label.OTHER].astype(float)
-    local = apply_transform(inverse_transform(surface.axis.T_base_tunnel), points)
-    keep = room.inside(local) > BODY_INSIDE
-    keep[keep] = ~_is_own(points[keep], arm, np.asarray(scan_q, dtype=float))
-    local = local[keep]
-    if not len(local):
-        return local
-    cell = np.floor((local - local.min(axis=0)) / BODY_CELL).astype(np.int64)
-    shape = tuple((cell.max(axis=0) + 1).tolist())
-    count = np.bincount(np.ravel_multi_index(tuple(cell.T), shape), minlength=int(np.prod(shape)))
-    piece = label(count.reshape(shape) >= BODY_DENSITY, np.ones((3, 3, 3)))[0][tuple(cell.T)]
-    size = np.bincount(piece)
-    size[0] = 0
-    share = 1.0 / np.maximum(np.bincount(piece), 1)
-    spread = [np.bincount(piece, (x - (share * np.bincount(piece, x))[piece]) ** 2) for x in local[:, :2].T]
-    width = np.sqrt(12.0 * share * np.maximum(*spread))
-    return np.asarray(local[((size >= BODY_POINTS) & (width > BODY_WIDTH))[piece]])
-
-
-def _is_own(points: Array, arm: Arm, q: Array) -> NDArray[np.bool_]:
-    """Mark base-frame points (n, 3) that lie on the arm itself at joints q."""
-    start, end = (ends[0] for ends in make_body(arm).segments(arm, q[None]))
-    own = np.zeros(len(points), dtype=bool)
-    for a, b, capsule in zip(start, end, arm.description.capsules, strict=True):
-        along = np.clip((points - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-12), 0.0, 1.0)
-        off = points - (a + along[:, None] * (b - a))
-        own |= np.linalg.norm(off, axis=1) < capsule.radius + OWN_MARGIN
-    return own
 
 
 def box_distance(box: Array, points: Array) -> Array:

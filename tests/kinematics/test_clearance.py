@@ -50,6 +50,15 @@ def smooth_heading(
     )
 
 
+def on_box(low: list[float], high: list[float], count: int) -> np.ndarray:
+    """Points on the sides of a box, as a lidar sees it."""
+    rng, corner = np.random.default_rng(3), np.array([low, high])
+    points = rng.uniform(low, high, (count, 3))
+    side = rng.integers(0, 3, count)
+    points[np.arange(count), side] = corner[rng.integers(0, 2, count), side]
+    return points
+
+
 def random_joints(n: int, seed: int = 0) -> np.ndarray:
     arm, rng = load_arm("kc"), np.random.default_rng(seed)
     q = rng.uniform(arm.lower, arm.upper, (20 * n, arm.n))
@@ -121,7 +130,7 @@ def test_closest_points_lie_the_distance_apart_and_on_link_and_obstacle():
 def test_kinds_are_told_apart():
     arm = load_arm("kc")
     arch = Arch(11.0, 0.2, 0.0, (-40.0, 220.0))
-    box = np.random.default_rng(3).uniform([10.0, -1.0, -3.0], [11.0, 1.0, -1.5], (4000, 3))
+    box = on_box([10.0, -1.0, -3.0], [11.0, 1.0, -1.5], 4000)
     obstacles = Obstacles.from_surface(smooth_heading((arch,), box), arm)
     where = {
         Obstacle.WALL: [12.0, 0.0, 4.7],
@@ -149,6 +158,26 @@ def test_dust_and_falling_water_and_the_arm_itself_are_no_bodies():
     clutter = np.concatenate([dust, water, beside, own])
     cluttered = Obstacles.from_surface(smooth_heading(body=clutter), arm)
     np.testing.assert_array_equal(plain.kind, cluttered.kind)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.01])
+def test_the_dust_before_a_lidar_of_many_beams_is_no_body_but_a_person_in_it_is(noise: float) -> None:
+    """Its echoes fill the air the more densely the nearer they are: more than four to a cube of 0.2 m."""
+    arm, rng = load_arm("kc"), np.random.default_rng(5)
+    mount = arm.lidar(arm.zero_pose)[:3, 3]
+    ray = rng.normal(size=(5000, 3))
+    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
+    dust = mount + rng.uniform(0.0, 2.5, (5000, 1)) * ray
+    turn, height = rng.uniform(0.0, 2.0 * np.pi, 4000), rng.uniform(-3.0, -1.25, 4000)
+    person = np.column_stack([9.0 + 0.25 * np.cos(turn), -2.0 + 0.25 * np.sin(turn), height])
+    person += rng.normal(0.0, noise, person.shape)
+    plain = Obstacles.from_surface(smooth_heading(), arm)
+    dusty = Obstacles.from_surface(smooth_heading(body=dust), arm)
+    np.testing.assert_array_equal(plain.kind, dusty.kind)
+    both = Obstacles.from_surface(smooth_heading(body=np.concatenate([dust, person])), arm)
+    beside = np.array([[9.0, -2.0 + 0.25 + 0.3, -2.0], [9.0 - 0.25 - 0.3, -2.0, -1.6]])
+    assert (both.kind_at(beside) == Obstacle.BODY).all()
+    np.testing.assert_allclose(both.distance(beside), 0.3, atol=0.06)
 
 
 def test_boom_lowered_onto_the_carrier_and_lance_against_the_crown():

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from test_clearance import FACE, smooth_heading
+from test_clearance import FACE, on_box, smooth_heading
 from test_path import assert_on_path, joint_rates, make_path
 
 from ascrcp.core.flow import Arch, SprayPath, Surface
@@ -48,7 +48,7 @@ def rings(
 
 
 def box_of_points(low: list[float], high: list[float]) -> Array:
-    return np.random.default_rng(1).uniform(low, high, (6000, 3))
+    return on_box(low, high, 6000)
 
 
 @pytest.fixture(scope="module")

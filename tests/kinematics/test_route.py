@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from test_clearance import smooth_heading
+from test_clearance import on_box, smooth_heading
 
 from ascrcp.core.errors import UnreachableError
 from ascrcp.kinematics import load_arm, route
@@ -21,8 +21,7 @@ ACROSS = np.array([-0.370383, -0.124239, 1.203636, -0.222282, 0.276360, 0.973609
 
 
 def room_with_body() -> Obstacles:
-    rng = np.random.default_rng(3)
-    body = np.column_stack([rng.uniform(a, b, 9000) for a, b in ((7.0, 11.0), (1.8, 2.6), (-3.0, -0.2))])
+    body = on_box([7.0, 1.8, -3.0], [11.0, 2.6, -0.2], 9000)
     return Obstacles.from_surface(smooth_heading(body=body), ARM)
 
 
