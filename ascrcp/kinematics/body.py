@@ -49,6 +49,9 @@ NOISE = 1.5
 WALL_M = 0.5
 """Of the wall either side of the edge of the sprayed part are looked at for that [m]."""
 
+WALL_EVERY = 10
+"""Of its points, thinned, every so-manieth is asked."""
+
 
 def find_bodies(surface: Surface, room: Room, arm: Arm, scan_q: ArrayLike) -> Array:
     """Find points of bodies: well inside the wall, on surfaces, in one piece, not the arm's own.
@@ -101,7 +104,7 @@ def _has_surface(points: Array, wall: Array) -> NDArray[np.bool_]:
     it is wide.
     """
     thin = _thin(points)
-    limit = max(FLAT, NOISE * float(np.median(_depth(_thin(wall)))) if len(wall) else 0.0)
+    limit = max(FLAT, NOISE * float(np.median(_depth(_thin(wall), WALL_EVERY))) if len(wall) else 0.0)
     shape, _ = _cells(points, points.min(axis=0), CELL)
     index = np.ravel_multi_index(tuple(np.floor((thin - points.min(axis=0)) / CELL).astype(int).T), shape)
     size = int(np.prod(shape))
@@ -115,10 +118,10 @@ def _thin(points: Array) -> Array:
     return np.asarray(points[np.unique(index, return_index=True)[1]])
 
 
-def _depth(points: Array) -> Array:
-    """Least over largest deviation of the nearest neighbours of points (n, 3); (n,)."""
+def _depth(points: Array, every: int = 1) -> Array:
+    """Least over largest deviation of the nearest neighbours of points (n, 3), or every so-manieth; (m,)."""
     count = min(NEIGHBOURS, len(points))
-    _, near = cKDTree(points).query(points, k=[*range(1, count + 1)])
+    _, near = cKDTree(points).query(points[::every], k=[*range(1, count + 1)])
     off = points[near] - points[near].mean(axis=1, keepdims=True)
     variance = np.linalg.eigvalsh(np.swapaxes(off, 1, 2) @ off)
     return np.sqrt(np.maximum(variance[:, 0], 0.0) / np.maximum(variance[:, 2], 1e-12))

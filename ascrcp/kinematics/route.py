@@ -154,14 +154,15 @@ class _Scout:
 
     def look(self, a: Array, b: Array, floor: float) -> Look:
         """Look at a leg: first at a few postures on it, then closely if none is nearer than the floor."""
-        count = max(FEW, int(np.ceil(self._travel(a, b) / ROW_M)) + 1)
-        rows = (FEW, count) if count > FEW else (count,)
-        for n in rows:
+        n = FEW
+        while n:
             q = a + np.linspace(0.0, 1.0, n)[:, None] * (b - a)
             free = least_distance(self.arm, q, self.obstacles)
             i = int(free.argmin())
             if not free[i] >= floor:
                 return Look(float(free[i]), q[i], np.inf)
+            closely = int(np.ceil(self._travel(a, b) / ROW_M)) + 1 if n == FEW else 0
+            n = closely if closely > FEW else 0
         short = (self.model.wanted - free) / (self.model.wanted - self.model.least)
         price = float(self.time(a, b)) * (1.0 + NEAR_PRICE * float(np.maximum(short, 0.0).mean())) + STOP_S
         return Look(float(free[i]), q[i], price)

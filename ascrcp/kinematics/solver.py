@@ -92,8 +92,7 @@ class PathSolver:
         self.search: LeanSearch | None = None
         clear = arm.description.clearance
         if self.barrier is not None and clear is not None:
-            limit = float(np.radians(clear.tilt_limit_deg))
-            grid = make_grid(arm, model)
+            limit, grid = float(np.radians(clear.tilt_limit_deg)), make_grid(arm, model)
             self.search = LeanSearch(
                 arm, model, self.cost, grid, self.barrier, clear.wanted, limit, STAND_OFF, payload_kg
             )
@@ -142,9 +141,11 @@ class PathSolver:
     def _settle(
         self, turned: Array, q: Array, report: Progress, only: NDArray[np.bool_] | None = None
     ) -> Array:
-        """Smooth a last time; what is lost by it stays as it was."""
-        smoothed = self.keep_least(self.keep_good(self.smooth(turned, report, 0.85, 1.0, only=only)))
-        return self._patch(smoothed, self._follow(q))
+        """Smooth a last time, all strokes or those marked; what is lost by it stays as it was."""
+        smoothed = self.smooth(turned, report, 0.85, 1.0, only=only)
+        mine = np.ones((len(q), 1), dtype=bool) if only is None else only[:, None]
+        kept = self.keep_least(self.keep_good(np.where(mine, smoothed, np.nan)))
+        return self._patch(np.where(mine, kept, smoothed), self._follow(np.where(mine, q, np.nan)))
 
     def _fallen(self, before: Array, after: Array) -> NDArray[np.bool_]:
         """Mark points that kept what is wanted before and no longer do."""
@@ -220,10 +221,11 @@ class PathSolver:
             )
             if not more.any():
                 continue
-            q = q.copy()
-            q[live, i] = wanted
+            turned = q.copy()
+            turned[live, i] = wanted
+            mine = self._beside(more.any(axis=1) | (np.abs(turned - q).max(axis=1) > 0.0))
             self.aim.lean(more, model)
-            q = self.keep_good(self.smooth(q, report, 0.65, 0.65, FEEDBACK_SMOOTHING))
+            q = self.keep_good(self.smooth(turned, report, 0.65, 0.65, FEEDBACK_SMOOTHING, mine))
         return q
 
     def keep_clear(self, q: Array, report: Progress) -> Array:
@@ -231,21 +233,22 @@ class PathSolver:
         model, barrier = self.arm.description.clearance, self.barrier
         if model is None or barrier is None:
             return q
+        least = len(q)
         for done in range(FEEDBACK_ROUNDS):
             live = np.flatnonzero(np.isfinite(q[:, 0]))
             sight = barrier.look(q[live])
             avoidable, tied = split_collisions(barrier.body, sight, model.wanted, LAST_REDUNDANT)
             short = np.zeros(len(q), dtype=bool)
             short[live] = (avoidable | tied).any(axis=1)
-            if not short.any():
-                break
+            if not short.any() or (done > 1 and short.sum() >= least):
+                break  # all clear, or more weight does not help
+            least = int(short.sum())
             self.emphasis[live] = raise_weights(self.emphasis[live], avoidable)
             pivot = self.aim.path.position[live] + STAND_OFF * self.aim.path.direction[live]
             more = np.zeros_like(self.aim.tilt)
             more[live] = find_lever(barrier.obstacles, sight, tied, pivot, model.wanted)
             self.aim.lean(more, model)
-            begin = 0.65 + 0.1 * done / FEEDBACK_ROUNDS
-            end = begin + 0.1 / FEEDBACK_ROUNDS
+            begin, end = (0.65 + 0.1 * k / FEEDBACK_ROUNDS for k in (done, done + 1))
             q = self.keep_good(self.smooth(q, report, begin, end, FEEDBACK_SMOOTHING, self._beside(short)))
         return q
 
@@ -313,8 +316,7 @@ class PathSolver:
 
     def _follow(self, q: Array) -> Array:
         """Carry joints over to targets that were tilted a little since; NaN where that fails."""
-        live = np.flatnonzero(np.isfinite(q[:, 0]))
-        carried = np.full_like(q, np.nan)
+        live, carried = np.flatnonzero(np.isfinite(q[:, 0])), np.full_like(q, np.nan)
         carried[live] = project_task(self.arm, self.aim.T[live], q[live], self.cost.metric)
         return self.keep_least(self.keep_good(carried))
 
@@ -329,8 +331,7 @@ class PathSolver:
 
     def _free(self, q: Array) -> Array:
         """Measure what every point keeps clear [m], minus infinity where it is unsolved, shape (n,)."""
-        live = np.isfinite(q[:, 0])
-        free = np.full(len(q), -np.inf)
+        live, free = np.isfinite(q[:, 0]), np.full(len(q), -np.inf)
         if self.obstacles is not None and live.any():
             free[live] = least_distance(self.arm, q[live], self.obstacles)
         return free

@@ -10,7 +10,7 @@ from ascrcp.core.errors import RefusedError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array, angle_between, unit
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import clearance, least_distance
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.sag import sagged_forward
 from ascrcp.planning.parameter import CheckParameters, check_parameters
@@ -139,13 +139,14 @@ def _check_clearance(
     model = arm.description.clearance
     if obstacles is None or model is None:
         return []
-    found = clearance(arm, sequence.q, obstacles)
+    free = least_distance(arm, sequence.q, obstacles)
     least = model.least - model.cell / 2.0  # the field is read to about half a cell
-    bad = np.flatnonzero(~(found.distance >= least))
+    bad = np.flatnonzero(~(free >= least))
     if not len(bad):
         return []
-    worst = int(bad[np.argmin(found.distance[bad])])
-    text = f"{found.describe(arm, worst)}, allowed {least:.2f} m"
+    worst = int(bad[np.argmin(free[bad])])
+    met = clearance(arm, sequence.q[worst], obstacles)
+    text = f"{met.describe(arm, 0)}, allowed {least:.2f} m"
     return [_finding(sequence, "clearance", bad, worst, text, broken)]
 
 

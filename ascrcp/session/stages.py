@@ -21,7 +21,7 @@ from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath, Surface
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import Profile
 from ascrcp.kinematics.arm import Arm, load_arm
-from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.path import solve_path
 from ascrcp.kinematics.route import find_route
@@ -267,7 +267,7 @@ def _move_clearance(arm: Arm, sequence: JointSequence, obstacles: Obstacles | No
     between = sequence.q[~sequence.spraying & (sequence.point < 0)]
     if obstacles is None or not len(between):
         return None
-    return float(clearance(arm, between, obstacles).distance.min())
+    return float(least_distance(arm, between, obstacles).min())
 
 
 def approach(

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_clearance import random_joints, smooth_heading
+from test_clearance import on_box, random_joints, smooth_heading
 
 from ascrcp.core.errors import InputError
 from ascrcp.kinematics import load_arm
@@ -14,7 +14,7 @@ ARM = load_arm("kc")
 
 
 def test_a_post_between_two_rows_is_found():
-    post = np.random.default_rng(1).uniform([6.5, -0.4, -3.0], [7.2, 0.4, 1.5], (4000, 3))
+    post = on_box([6.5, -0.4, -3.0], [7.2, 0.4, 1.5], 4000)
     room = Obstacles.from_surface(smooth_heading(body=post), ARM)
     rows = np.stack([ARM.zero_pose, ARM.zero_pose])
     rows[:, 0] = np.radians([-20.0, 20.0])
