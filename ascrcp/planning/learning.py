@@ -19,6 +19,7 @@ from ascrcp.planning.target import mean_patch
 
 BELIEF = {"wall": 0.04, "crown": 0.06, "angle": 0.3}  # one sigma of what is learned; placeholder
 NOISE_M = 0.015  # one sigma of a patch that rebound does not explain: aim, scan; placeholder
+NOISE_SHARE = 0.2  # of the layer, the same: flanks, and concrete that fell, where layers are thick
 OUTLIER = 1.5  # sigmas beyond which a patch weighs less
 ROUNDS = 8  # of weighting; placeholder
 STEP = 0.05  # of a parameter, to see what it does
@@ -78,7 +79,7 @@ def learn_rebound(
     with np.errstate(invalid="ignore"):
         counts = (expected > LEAST_M) & (found > TAKEN_SHARE * expected)
     A, miss = np.column_stack(by_parameter)[counts] * sigma, (found - expected)[counts]
-    change_by = _fit(A, miss) * sigma
+    change_by = _fit(A, miss, np.hypot(NOISE_M, NOISE_SHARE * expected[counts])) * sigma
     learned = {
         name: float(np.clip(getattr(believed, name) + by, 0.0, 0.9))
         for name, by in zip(BELIEF, change_by.tolist(), strict=True)
@@ -86,12 +87,13 @@ def learn_rebound(
     return change(believed, **learned)
 
 
-def _fit(A: Array, miss: Array) -> Array:
-    """Solve A x = miss [m] by robust least squares with x of unit variance, shape (3,)."""
+def _fit(A: Array, miss: Array, noise: Array) -> Array:
+    """Solve A x = miss [m], noise (n,) [m], by robust least squares with x of unit variance, shape (3,)."""
+    A, miss = A / noise[:, None], miss / noise
     weight: Array = np.ones(len(miss))
     x: Array = np.zeros(A.shape[1])
     for _ in range(ROUNDS):
-        normal = (A * weight[:, None]).T @ A / NOISE_M**2 + np.eye(A.shape[1])
-        x = np.asarray(np.linalg.solve(normal, (A * weight[:, None]).T @ miss / NOISE_M**2))
-        weight = 1.0 / np.maximum(1.0, np.abs(miss - A @ x) / (OUTLIER * NOISE_M))
+        normal = (A * weight[:, None]).T @ A + np.eye(A.shape[1])
+        x = np.asarray(np.linalg.solve(normal, (A * weight[:, None]).T @ miss))
+        weight = 1.0 / np.maximum(1.0, np.abs(miss - A @ x) / OUTLIER)
     return x
