@@ -61,11 +61,16 @@ STOP_S = 2.0
 SCREEN = (0.5, 0.25, 0.75)
 """Shares of a leg at which it is looked at roughly, all legs at once, before any is looked at."""
 
-MOST_LOOKS = 250
-"""A search that has looked at so many legs gives up: with vehicles and people in 20 random headings, those
-that found a way needed 173 at most."""
+EASY = 8
+"""After so many rounds a search is no easy one: all legs are looked at together, before one by one."""
 
-MORE_LOOKS = 1000
+LEGS = 500
+"""Legs looked at at once."""
+
+MOST_ROUNDS = 250
+"""A search gives up after so many rounds; those that find a way need a few dozen."""
+
+MORE_ROUNDS = 1000
 """The same with the postures of strokes, which are many; placeholder."""
 
 TRAIL_S = 0.7
@@ -178,7 +183,7 @@ class _Scout:
 
     def search(self, nodes: Array, floor: float, trails: Sequence[Array] = ()) -> list[Array] | None:
         """Find the cheapest route from the first node to the second; None if none is found."""
-        hubs, most = len(nodes), MORE_LOOKS if trails else MOST_LOOKS
+        hubs, most = len(nodes), MORE_ROUNDS if trails else MOST_ROUNDS
         nodes = np.concatenate([nodes, *trails])
         price = self.time(nodes[:, None], nodes[None]) + STOP_S
         along = np.arange(len(nodes))
@@ -189,7 +194,9 @@ class _Scout:
         price[apart & np.equal.outer(trail, trail)] = np.inf
         self._screen(nodes, hubs, floor, price)
         looked = np.eye(len(nodes), dtype=bool)
-        while looked.sum() < len(nodes) + 2 * most:
+        for count in range(most):
+            if count == EASY:
+                self._look_at_all(nodes, floor, price)
             route = _shortest(price)
             unseen = [(a, b) for a, b in pairwise(route) if not looked[a, b]]
             if not unseen:
@@ -200,6 +207,16 @@ class _Scout:
                 if not np.isfinite(price[a, b]):
                     break
         return None
+
+    def _look_at_all(self, nodes: Array, floor: float, price: Array) -> None:
+        """Bar legs that a look at few postures tells are too near, all at once."""
+        a, b = np.nonzero(np.triu(np.isfinite(price), 1))
+        for k in range(0, len(a), LEGS):
+            i, j = a[k : k + LEGS], b[k : k + LEGS]
+            q = nodes[i] + np.linspace(0.0, 1.0, FEW)[:, None, None] * (nodes[j] - nodes[i])
+            free = least_distance(self.arm, q.reshape(-1, self.arm.n), self.obstacles)
+            bad = ~(free.reshape(FEW, -1).min(axis=0) >= floor)
+            price[i[bad], j[bad]] = price[j[bad], i[bad]] = np.inf
 
     def _screen(self, nodes: Array, hubs: int, floor: float, price: Array) -> None:
         """Bar legs between the first `hubs` nodes that a rough look at a few postures tells are too near."""

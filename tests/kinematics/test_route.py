@@ -35,7 +35,7 @@ def test_the_way_driven_leads_where_the_graph_does_not_and_every_leg_stays_clear
     ways = [
         rows_of([ARM.zero_pose, *find_route(ARM, ARM.zero_pose, end, room), end]) for end in (BESIDE, ACROSS)
     ]
-    monkeypatch.setattr(route, "MOST_LOOKS", 0)  # as in a pocket: the graph of middles gives up
+    monkeypatch.setattr(route, "MOST_ROUNDS", 0)  # as in a pocket: the graph of middles gives up
     with pytest.raises(UnreachableError):
         find_route(ARM, BESIDE, ACROSS, room)
     between = find_route(ARM, BESIDE, ACROSS, room, trails=[way[::-1] for way in ways])

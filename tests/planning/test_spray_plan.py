@@ -328,7 +328,7 @@ def test_a_scan_of_the_sprayed_wall_teaches_the_rebound(rebound: dict[str, float
     after += np.random.default_rng(3).normal(0.0, 0.005, after.shape)
     after[40:50, 100:140] = np.nan
     found = learn_rebound(PLAN.layout, SURFACE, sequence, after, PROCESS)
-    for name, slack in (("wall", 0.01), ("crown", 0.015), ("angle", 0.12)):
+    for name, slack in (("wall", 0.01), ("crown", 0.015), ("angle", 0.15)):
         true = rebound.get(name, getattr(PROCESS.rebound, name))
         assert getattr(found, name) == pytest.approx(true, abs=slack), name
     assert found.distance == PROCESS.rebound.distance
