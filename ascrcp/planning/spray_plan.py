@@ -14,7 +14,6 @@ from ascrcp.planning.coverage import Coverage, Lines
 from ascrcp.planning.deposition import Jet
 from ascrcp.planning.dose import (
     Dose,
-    Stretches,
     build_walls,
     choose_speed,
     explain,
@@ -131,34 +130,24 @@ def plan_spray(
     tell(0.1)
     coverage = Coverage(surface, target, wall, parameters, process, where)
     lines, layers = coverage.lines(lambda x: tell(0.1 + 0.3 * x)), coverage.layers
-    everywhere = np.ones(len(lines.along), dtype=bool)
-    stretches = find_stretches(
-        lines,
-        lines.jet,
-        everywhere,
-        target,
-        walls_before(lines, target, layers),
-        process,
-        lambda x: tell(0.4 + 0.4 * x),
-    )
-    exposed = find_exposed(stretches, lines, target)
+    grid = Layout(lines, target, layers, target.inside, process.rebound, after is not None)
+    sprayed = _Sprayed(grid, lines.jet, process, progress=lambda x: tell(0.4 + 0.4 * x))
+    exposed = find_exposed(sprayed.stretches, lines, target)
     low = _is_low(surface, target, parameters)
     target = replace(target, left=explain(target, exposed, exposed, low))
     tell(0.8)
-    layout = Layout(lines, target, layers, exposed, process.rebound, after is not None)
-    plan = _dosed(surface, layout, lines.jet, stretches, process)
+    layout = replace(grid, target=target, exposed=exposed)
+    plan = sprayed.dosed(surface, layout)
     if layout.again:
         lines = keep_dosed(lines, plan.dose)
         if not len(lines.along):
             raise NothingToSprayError(
                 f"nothing left to spray: no stroke would lay {1e3 * LEAST_M3:g} l where it is too thin"
             )
-        everywhere = np.ones(len(lines.along), dtype=bool)
-        walls = walls_before(lines, target, layers)
-        stretches = find_stretches(lines, lines.jet, everywhere, target, walls, process)
-        exposed &= find_exposed(stretches, lines, target)
-        layout = replace(layout, lines=lines, exposed=exposed)
-        plan = _dosed(surface, layout, lines.jet, stretches, process)
+        layout = replace(layout, lines=lines)
+        sprayed = _Sprayed(layout, lines.jet, process)
+        exposed = exposed & find_exposed(sprayed.stretches, lines, target)
+        plan = sprayed.dosed(surface, replace(layout, exposed=exposed))
     tell(1.0)
     return plan
 
@@ -182,15 +171,13 @@ def replan(
     process = change(process, rebound=layout.rebound)
     T = inverse_transform(surface.axis.T_base_tunnel)
     jet = Jet(apply_transform(T, driven.position), driven.direction @ T[:3, :3].T)
-    walls = walls_before(layout.lines, layout.target, layout.layers)
-    stretches = find_stretches(layout.lines, jet, reached, layout.target, walls, process)
-    exposed = find_exposed(stretches, layout.lines, layout.target) & layout.exposed
+    sprayed = _Sprayed(layout, jet, process, reached)
+    exposed = find_exposed(sprayed.stretches, layout.lines, layout.target) & layout.exposed
     left = layout.target.left.copy()
     left[layout.exposed & ~exposed] = Left.ARM
     target = replace(layout.target, left=left)
     amount = driven.flow * process.spray.pump_m3_s / np.maximum(driven.speed, process.dose.speed_m_s[0])
-    start = amount[stretches.first]
-    found = _dosed(surface, replace(layout, target=target, exposed=exposed), jet, stretches, process, start)
+    found = sprayed.dosed(surface, replace(layout, target=target, exposed=exposed), amount)
     path = replace(driven, speed=found.path.speed, flow=found.path.flow)
     return replace(found, path=path)
 
@@ -200,29 +187,51 @@ def walls_before(lines: Lines, target: Target, layers: NDArray[np.int64]) -> dic
     return {layer: wall_before(target, layers, layer) for layer in np.unique(lines.layer).tolist()}
 
 
-def _dosed(
-    surface: Surface,
-    layout: Layout,
-    jet: Jet,
-    stretches: Stretches,
-    process: ProcessParameters,
-    start: Array | None = None,
-) -> SprayPlan:
-    """Choose doses, speeds and flows for a layout, the doses on the wall that they themselves build."""
-    target, lines = layout.target, layout.lines
-    met = np.asarray(stretches.growth.sum(axis=1)).reshape(target.offset.shape) > 0.0
-    # beside what can be brought to the target, what must not get more counts too
-    must_not = target.offset <= target.wanted
-    if layout.again:
-        must_not = ~np.isin(target.left, (Left.UNSEEN, Left.BEFORE))
-    mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
-    rounds = ROUGH_ROUNDS if start is None else 0
-    rough = solve_dose(stretches, lines, target, process, mask, start, rounds)
-    walls = walls_before(lines, target, layout.layers), build_walls(rough, lines, target)
-    stretches = renew_stretches(stretches, lines, jet, target, walls, process)
-    dose = solve_dose(stretches, lines, target, process, mask, rough.amount)
-    speed, flow = choose_speed(dose, lines, process)
-    return SprayPlan(lines.to_path(surface, speed, flow), layout, dose)
+class _Sprayed:
+    """Footprints of a layout's points, from which doses are chosen.
+
+    Attributes:
+        stretches: As reckoned on the walls that layers leave which fill their share everywhere.
+    """
+
+    def __init__(
+        self,
+        layout: Layout,
+        jet: Jet,
+        process: ProcessParameters,
+        reached: NDArray[np.bool_] | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        lines, target = layout.lines, layout.target
+        everywhere = np.ones(len(lines.along), dtype=bool)
+        self._jet, self._process = jet, process
+        self._walls = walls_before(lines, target, layout.layers)
+        self.stretches = find_stretches(
+            lines, jet, everywhere if reached is None else reached, target, self._walls, process, progress
+        )
+
+    def dosed(self, surface: Surface, layout: Layout, asked: Array | None = None) -> SprayPlan:
+        """Choose doses, speeds and flows for the layout, the doses on the wall that they themselves build.
+
+        Args:
+            surface: The heading.
+            layout: The same points; target and what is exposed may say more by now.
+            asked: Doses planned before, on leaving each point [m3/m], (n,); None for none.
+        """
+        target, lines, process = layout.target, layout.lines, self._process
+        met = np.asarray(self.stretches.growth.sum(axis=1)).reshape(target.offset.shape) > 0.0
+        # beside what can be brought to the target, what must not get more counts too
+        must_not = target.offset <= target.wanted
+        if layout.again:
+            must_not = ~np.isin(target.left, (Left.UNSEEN, Left.BEFORE))
+        mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
+        start, rounds = (None, ROUGH_ROUNDS) if asked is None else (asked[self.stretches.first], 0)
+        rough = solve_dose(self.stretches, lines, target, process, mask, start, rounds)
+        walls = self._walls, build_walls(rough, lines, target)
+        stretches = renew_stretches(self.stretches, lines, self._jet, target, walls, process)
+        dose = solve_dose(stretches, lines, target, process, mask, rough.amount)
+        speed, flow = choose_speed(dose, lines, process)
+        return SprayPlan(lines.to_path(surface, speed, flow), layout, dose)
 
 
 def renew(target: Target, after: Array, unsprayed: tuple[float, float], corner: float) -> Target:
