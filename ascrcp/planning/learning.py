@@ -19,7 +19,7 @@ from ascrcp.planning.target import mean_patch
 
 BELIEF = {"wall": 0.04, "crown": 0.06, "angle": 0.3}  # one sigma of what is learned; placeholder
 NOISE_M = 0.015  # one sigma of a patch that rebound does not explain: aim, scan; placeholder
-NOISE_SHARE = 0.2  # of the layer, the same: flanks, and concrete that fell, where layers are thick
+NOISE_SHARE = 0.1  # of the layer, the same: flanks, and concrete that fell, where layers are thick
 OUTLIER = 1.5  # sigmas beyond which a patch weighs less
 ROUNDS = 8  # of weighting; placeholder
 STEP = 0.05  # of a parameter, to see what it does
