@@ -74,6 +74,7 @@ def build_report(folder: Path, progress: Any = None) -> Path:
         pictures={name: base64.b64encode(data).decode() for name, data in pictures.items()},
         joints=_joint_rows(round_),
         finish=_finish_rows(round_),
+        rebound=_rebound_rows(round_),
     )
     write_atomic(round_.report, lambda file: file.write(html.encode()))
     tell(1.0)
@@ -117,6 +118,17 @@ def _finish_rows(round_: Round) -> list[dict[str, Any]]:
         name = f"achieved, sprayed {number} × 实测，喷射 {number} 次" if number > 1 else "achieved 实测"
         rows.append({"name": name, **read_json(scan.finish)})
     return rows
+
+
+def _rebound_rows(round_: Round) -> list[dict[str, Any]]:
+    """Rebound believed at the first plan and learned before each further one; none without the latter."""
+    rows = []
+    for number, place in enumerate([round_, *round_.rescans()]):
+        tree = read_json(place.prediction) if place.prediction.exists() else {}
+        if "rebound" in tree:
+            name = f"learned from spraying {number} 第 {number} 次喷射后" if number else "believed 设定"
+            rows.append({"name": name, **tree["rebound"]})
+    return rows if len(rows) > 1 else []
 
 
 def _length(points: np.ndarray) -> float:

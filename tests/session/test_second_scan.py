@@ -1,5 +1,6 @@
 """The loop on the real rig in lockstep: scanned again after a run, stopped meanwhile, and what is kept."""
 
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from ascrcp.planning.wall import fit_wall
 from ascrcp.session import stages
 from ascrcp.session.again import plan_again
 from ascrcp.session.layout_store import read_layout
+from ascrcp.session.report import build_report
 from ascrcp.session.round import Round
 from ascrcp.session.session import Session
 from ascrcp.session.state import Refusal, Step
@@ -120,6 +122,16 @@ def test_what_is_too_thin_is_planned_beside_the_first_plan(session: Session, tmp
     believed = planning.process.rebound
     assert again is not None and read_layout(place.plan, surface)[0].rebound == believed
     assert predicted["rebound"]["wall"] == believed.wall, "the thesis's plan does not tell what it was to lay"
+
+    # the report tells what was believed and what was learned
+    (first, learned) = (session.round.prediction, found.prediction)
+    for file, wall in ((first, 0.2), (learned, 0.234)):
+        assert not file.exists()
+        file.write_text(json.dumps({**predicted, "rebound": {**predicted["rebound"], "wall": wall}}))
+    report = build_report(session.round.folder).read_text()
+    assert "<td>20</td>" in report and "<td>23</td>" in report and "learned from spraying 1" in report
+    first.unlink()
+    learned.unlink()
 
     # the second spraying does: as if its joints were driven, and nothing came of them but what the scan found
     second = copy_scan(found, tmp_path / "taught")
