@@ -1,6 +1,7 @@
 """The loop on the real rig in lockstep: scanned again after a run, stopped meanwhile, and what is kept."""
 
 import json
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -38,9 +39,27 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     do(opened, Step.ZERO, Step.RECOGNISE)
     joints = opened.round.joints
     write_joints(joints, shorten(read_joints(joints), SPRAYED_S), opened.arm.prismatic)
-    do(opened, Step.LOAD, Step.GO_TO_START, Step.RUN)
+    do(opened, Step.LOAD, Step.GO_TO_START)
+    TOLD[:] = run_and_ask(opened)
     yield opened
     opened.close()
+
+
+TOLD: list[tuple[float, float, float]] = []
+"""Job time, time said to be left, share said to be done, while the fixture's run went on; [s]."""
+
+
+def run_and_ask(session: Session) -> list[tuple[float, float, float]]:
+    """Spray, and ask all the while how long it will still take; the last is when it ended."""
+    told = []
+    session.start(Step.RUN)
+    while (now := session.snapshot()).job.active is Step.RUN:
+        if now.spraying:
+            told.append((now.t_s, now.remaining_s, now.progress))
+        time.sleep(0.005)
+    session.wait()
+    assert Step.RUN in session.snapshot().job.done, session.snapshot().announcements
+    return [*told, (session.snapshot().t_s, 0.0, 1.0)]
 
 
 def shorten(sequence: JointSequence, spraying_s: float) -> JointSequence:
@@ -60,6 +79,15 @@ def do(session: Session, *steps: Step) -> None:
 
 def content(session: Session) -> dict[str, bytes]:
     return {name: (session.round.folder / name).read_bytes() for name in FIRST}
+
+
+def test_the_time_left_and_the_share_done_are_true_to_two_percent(session: Session) -> None:
+    t, left, share = np.array(TOLD).T
+    assert len(t) > 100
+    duration = read_joints(session.round.joints).duration
+    np.testing.assert_allclose(t + left, t[-1], atol=0.02 * duration)
+    np.testing.assert_allclose(share, 1.0 - left / duration, atol=0.02)
+    assert session.desk.result["timing_s"]["run"] == pytest.approx(duration, rel=0.02)
 
 
 def test_the_loop_on_the_rig(session: Session) -> None:
