@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.geometry import Array
+from ascrcp.kinematics.spacing import NEAREST
 
 REPOSITION = 10.0
 """A move that is not sprayed through counts as one over this distance [m]; placeholder."""
@@ -47,7 +48,7 @@ def find_chain(
         a, b = scaled[i - 1], scaled[i]
         square = (b * b).sum(axis=1)[:, None] + (a * a).sum(axis=1) - 2.0 * (b @ a.T)
         if np.isfinite(distance[i]):
-            step = _capped(np.maximum(square, 0.0) / distance[i], break_cost)
+            step = _capped(np.maximum(square, 0.0) / max(float(distance[i]), NEAREST), break_cost)
         else:
             step = square / REPOSITION
         reach = step + total

@@ -17,6 +17,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import Barrier, Sight
 from ascrcp.kinematics.description import PathModel
+from ascrcp.kinematics.spacing import NEAREST
 from ascrcp.kinematics.task import compute_error, project_task
 
 TASK_STIFFNESS = 1e8
@@ -34,9 +35,6 @@ FIRST_DAMPING = 1.0
 
 GAIN = 1e-4
 """Relative gain of a round at which smoothing a piece ends."""
-
-NEAREST = 0.05
-"""Distances between points count as at least this [m]: table rows may coincide."""
 
 
 @dataclass(frozen=True)

@@ -87,7 +87,7 @@ class PathSolver:
         self.aim = Aim(arm, path, payload_kg, model.far)
         self.obstacles = obstacles
         self.barrier = None if obstacles is None else make_barrier(arm, obstacles)
-        self.promise = np.full(len(path), np.inf)
+        self.promise, self._vain = np.full(len(path), np.inf), np.full_like(self.aim.T, np.nan)
         self.emphasis = np.zeros((len(path), 0))
         self.search: LeanSearch | None = None
         clear = arm.description.clearance
@@ -365,7 +365,7 @@ class PathSolver:
         return kept
 
     def rescue(self, q: Array, report: Progress) -> tuple[Array, Array]:
-        """Try unsolved points by themselves; with something in the way, on a finer grid once more.
+        """Try unsolved points by themselves, no pose twice; with something in the way, on a finer grid too.
 
         Returns:
             Joint vectors with the rescued points filled in, and the candidates they were tried from.
@@ -373,7 +373,7 @@ class PathSolver:
         best = np.full_like(q, np.nan)
         aid = Rescue(self.arm, self.model, self.cost, self.barrier, lambda done: report(0.75 + 0.1 * done))
         for refine in (1,) if self.barrier is None else (1, 2):
-            failed = np.flatnonzero(~np.isfinite(q[:, 0]))
+            failed = np.flatnonzero(~np.isfinite(q[:, 0]) & (self._vain != self.aim.T).any(axis=(1, 2)))
             if refine > 1:
                 failed = failed[self.arm.within_limits(best[failed])]
             if not failed.size:
@@ -381,9 +381,10 @@ class PathSolver:
             tries, best[failed] = aid.solve(self.aim.T[failed], nearest_solved(q, failed, self.start), refine)
             for k in range(tries.shape[1]):
                 alone = np.full_like(q, np.nan)
-                alone[failed] = tries[:, k]
-                alone[np.isfinite(q[:, 0])] = np.nan
+                alone[failed] = np.where(np.isfinite(q[failed, :1]), np.nan, tries[:, k])
                 q = np.where(np.isfinite(q), q, self.keep_least(self.keep_good(alone)))
+        lost = ~np.isfinite(q[:, 0])
+        self._vain[lost] = self.aim.T[lost]
         return q, best
 
     def find_breaks(self, q: Array) -> NDArray[np.bool_]:

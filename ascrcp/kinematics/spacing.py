@@ -5,6 +5,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from ascrcp.core.geometry import Array
 
+NEAREST = 0.05
+"""Distances between points count as at least this [m]: table rows may coincide."""
+
 STAND_OFF = 1.0
 """Nozzle to wall [m] (design.md section 1): carries a turn of the nozzle to the wall."""
 
