@@ -11,7 +11,7 @@ from ascrcp.planning.target import Target, mean_patch
 from ascrcp.planning.wall import Wall, past_heaps
 
 SMALLEST_M2 = 0.08  # a smaller part of a further layer is left to the last one; about a patch
-EVENNESS = 0.75  # mean over largest thickness of one layer: passes in a deep place are few and end in it
+EVENNESS = 0.5  # mean over largest thickness of one layer: passes in a deep place are few and end in it
 OVERLAP_M = 0.06  # a layer's passes reach so far beyond where it is needed; half a footprint's core
 
 
