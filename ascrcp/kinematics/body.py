@@ -35,6 +35,8 @@ THIN = 0.06
 would show the lidar's noise and no surface."""
 
 NEIGHBOURS = 12
+"""Of a point that tell whether it lies on a surface."""
+
 FLAT = 0.3
 """Least over largest deviation of a point's neighbours, below which they lie on a surface: there 0.05 to
 0.2, in the dust round a lidar 0.3 to 0.6 (synthetic headings of 0.3 to 3 million points)."""
@@ -50,7 +52,7 @@ WALL_M = 0.5
 """Of the wall either side of the edge of the sprayed part are looked at for that [m]."""
 
 WALL_EVERY = 10
-"""Of its points, thinned, every so-manieth is asked."""
+"""One in so many of its points, thinned, is asked."""
 
 
 def find_bodies(surface: Surface, room: Room, arm: Arm, scan_q: ArrayLike) -> Array:
@@ -78,7 +80,7 @@ def find_bodies(surface: Surface, room: Room, arm: Arm, scan_q: ArrayLike) -> Ar
     edge = wall[np.abs(wall[:, 0] - surface.unsprayed[0]) < WALL_M]
     cells, index = _cells(local, local.min(axis=0), CELL)
     dense = np.bincount(index, minlength=int(np.prod(cells))).reshape(cells) >= DENSITY
-    solid = _has_surface(local, edge)
+    solid = _has_surface(local, edge, cells)
     dense &= binary_dilation(solid, np.ones((3, 3, 3)))  # edges and corners too
     piece = label(dense, np.ones((3, 3, 3)))[0].reshape(-1)[index]
     size = np.bincount(piece)
@@ -97,7 +99,7 @@ def _cells(points: Array, low: Array, side: float) -> tuple[tuple[int, ...], NDA
     return shape, np.ravel_multi_index(tuple(cell.T), shape)
 
 
-def _has_surface(points: Array, wall: Array) -> NDArray[np.bool_]:
+def _has_surface(points: Array, wall: Array, shape: tuple[int, ...]) -> NDArray[np.bool_]:
     """Mark the cells of points (n, 3) most of whose points lie on a surface, at least as flat as the wall.
 
     What dust returns fills the air before the lidar, densely where it is near; thinned, it is as deep as
@@ -105,7 +107,6 @@ def _has_surface(points: Array, wall: Array) -> NDArray[np.bool_]:
     """
     thin = _thin(points)
     limit = max(FLAT, NOISE * float(np.median(_depth(_thin(wall), WALL_EVERY))) if len(wall) else 0.0)
-    shape, _ = _cells(points, points.min(axis=0), CELL)
     index = np.ravel_multi_index(tuple(np.floor((thin - points.min(axis=0)) / CELL).astype(int).T), shape)
     size = int(np.prod(shape))
     flat = np.bincount(index, _depth(thin) < limit, minlength=size)
@@ -119,7 +120,7 @@ def _thin(points: Array) -> Array:
 
 
 def _depth(points: Array, every: int = 1) -> Array:
-    """Least over largest deviation of the nearest neighbours of points (n, 3), or every so-manieth; (m,)."""
+    """Least over largest deviation of the nearest neighbours of points (n, 3), of one in so many; (m,)."""
     count = min(NEIGHBOURS, len(points))
     _, near = cKDTree(points).query(points[::every], k=[*range(1, count + 1)])
     off = points[near] - points[near].mean(axis=1, keepdims=True)

@@ -253,13 +253,18 @@ def test_the_face_in_the_last_rows_is_no_wall() -> None:
     assert wall.raw[wall.station > SURFACE.unsprayed[1] - 0.08].min() > -0.11
 
 
+def hole_in(cloud: np.ndarray) -> tuple[int, np.ndarray]:
+    """A row of cells in the middle of a bay, and the points in it and its two neighbours."""
+    row = int(np.argmin(np.abs(PLAN.target.station - 11.8)))
+    T = inverse_transform(SURFACE.axis.T_base_tunnel)
+    station = apply_transform(T, cloud.astype(float))[:, 0]
+    return row, np.abs(station - PLAN.target.station[row]) < 1.5 * PLAN.target.cell[0]
+
+
 def test_a_hole_behind_a_rim_is_read_by_the_line_of_sight() -> None:
     target = PLAN.target
     cloud = scan_of(PLAN, np.full(target.offset.shape, 0.02))
-    row = int(np.argmin(np.abs(target.station - 11.8)))
-    T = inverse_transform(SURFACE.axis.T_base_tunnel)
-    station = apply_transform(T, cloud.astype(float))[:, 0]
-    hidden = np.abs(station - target.station[row]) < 1.5 * target.cell[0]
+    row, hidden = hole_in(cloud)
     found = find_after(cloud[~hidden], SURFACE, target)
     clear = (np.abs(target.along - 13.0) < 2.0) & ~target.arch[row - 2 : row + 3].any(axis=0)
     chord = (found[row - 2] + found[row + 2]) / 2.0
@@ -273,10 +278,7 @@ def test_what_no_scan_sees_is_where_the_spraying_left_it_if_that_is_thicker(
     """A wall with 50 mm on it; behind an arch, in a hole of the scan, the plan laid more, or nothing."""
     target = PLAN.target
     cloud = scan_of(PLAN, np.full(target.offset.shape, 0.05))
-    row = int(np.argmin(np.abs(target.station - 11.8)))
-    T = inverse_transform(SURFACE.axis.T_base_tunnel)
-    station = apply_transform(T, cloud.astype(float))[:, 0]
-    hidden = np.abs(station - target.station[row]) < 1.5 * target.cell[0]
+    row, hidden = hole_in(cloud)
     laid = np.full(target.offset.shape, 0.05)
     laid[row - 1 : row + 2] = sprayed_m
     found = find_after(cloud[~hidden], SURFACE, target, target.offset - laid)
