@@ -104,6 +104,8 @@ sync() {
     # compiled here, once: a cab's start does not wait for it, nor does a read-only or PYTHONDONTWRITEBYTECODE one
     "$UV" sync --frozen --no-progress --quiet --compile-bytecode --python .venv/bin/python
     .venv/bin/python -m compileall -q ascrcp
+    say "machine code of the solver (half a minute)"
+    .venv/bin/python -c "from ascrcp.kinematics.kernel_table import load_kernels; load_kernels()"
 }
 
 mkdir -p "$TOOLS"

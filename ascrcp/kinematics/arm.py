@@ -15,6 +15,7 @@ from ascrcp.kinematics.bucket import BucketInverse
 from ascrcp.kinematics.chain import Column, Op, Walk, compile_chain, pack_transform, walk_chain
 from ascrcp.kinematics.description import ArmDescription, Mount, Prismatic, Revolute, load_description
 from ascrcp.kinematics.inverse import SprayInverse
+from ascrcp.kinematics.kernel_table import tabulate_chain
 from ascrcp.kinematics.pose import split_poses
 from ascrcp.kinematics.solution import BRANCHES, ClosedForm, Confirmation, Solutions
 
@@ -64,6 +65,7 @@ class Arm:
         max_speed, max_acceleration, max_jerk: Per joint, SI, shape (n,).
         travel_weight: Cost of moving each joint, shape (n,).
         zero_pose: The pose the arm scans from [rad, m], shape (n,).
+        table: Its motions for the machine code.
     """
 
     def __init__(self, description: ArmDescription) -> None:
@@ -71,6 +73,7 @@ class Arm:
         self.name = description.name
         self.n = len(description.joints)
         self._chain = compile_chain(description)
+        self.table = tabulate_chain(self._chain)
         self.joints = tuple(_describe(i, joint) for i, joint in enumerate(description.joints, start=1))
         self.prismatic: NDArray[np.bool_] = np.array([joint.prismatic for joint in self.joints])
         self.travel_weight = np.array([joint.travel_weight for joint in description.joints])

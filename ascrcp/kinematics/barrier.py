@@ -8,11 +8,9 @@ from numpy.typing import NDArray
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.capsule import Body, make_body
-from ascrcp.kinematics.clearance import ROUGH_SPREAD, link_distances
+from ascrcp.kinematics.clearance import ROUGH_SPREAD
+from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
 from ascrcp.kinematics.obstacle import Obstacles
-
-BLOCK = 512
-"""Joint vectors looked at at once: their samples stay in the cache."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +54,9 @@ class Barrier:
 
     def look(self, q: Array) -> Sight:
         """Measure every link at joint vectors (n, joints)."""
-        parts = [self._look(q[i : i + BLOCK]) for i in range(0, max(len(q), 1), BLOCK)]
-        return Sight(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-    def _look(self, q: Array) -> tuple[Array, Array]:
-        placed = self.body.place(self.arm, q)
-        distance, nearest = link_distances(self.body, placed, self.obstacles, self.soft)
-        return distance, np.take_along_axis(placed, nearest[..., None], axis=1)
+        scene, find = self.obstacles.around(self.body), kernel("clearance").find_links
+        found = by_halves(lambda rows: find(scene, rows, self.soft), as_rows(q))
+        return Sight(*found[:2])
 
     def cost(self, sight: Sight, emphasis: Array) -> Array:
         """Cost of each joint vector; emphasis (n, c) multiplies the weight; shape (n,)."""
@@ -71,24 +65,12 @@ class Barrier:
 
     def terms(self, q: Array, sight: Sight, emphasis: Array) -> tuple[Array, Array]:
         """Linearise the cost: half its second derivative (n, joints, joints) and gradient (n, joints)."""
-        blocks, slope = np.zeros((len(q), self.arm.n, self.arm.n)), np.zeros(q.shape)
-        rows, links = np.nonzero(sight.distance < self.soft)
-        if not len(rows):
-            return blocks, slope
-        near, place = np.unique(rows, return_inverse=True)
-        centre = sight.centre[rows, links]
-        out = self.obstacles.direction(centre)
-        T, J = (each[place] for each in self.arm.pose_and_jacobian(q[near]))
-        tool = T[:, :3, 3]
-        # a point carried by joint k: dp = Jv dq + w x (p - tool), of the joints up to k
-        turn = np.cross(centre - tool, out)
-        row = np.einsum("mi,mij->mj", out, J[:, :3]) + np.einsum("mi,mij->mj", turn, J[:, 3:])
-        row[np.arange(self.arm.n) >= self.body.joint[links][:, None]] = 0.0
-        stiff = self.weight * emphasis[rows, links]
-        depth = self.soft - sight.distance[rows, links]
-        np.add.at(blocks, rows, stiff[:, None, None] * row[:, :, None] * row[:, None, :])
-        np.add.at(slope, rows, -(stiff * depth)[:, None] * row)
-        return blocks, slope
+        scene, find = self.obstacles.around(self.body), kernel("clearance").find_push
+        found: tuple[Array, Array] = by_halves(
+            lambda *rows: find(scene, *rows, self.soft),
+            *(as_rows(q), sight.distance, sight.centre, self.weight * emphasis),
+        )
+        return found
 
 
 def make_barrier(arm: Arm, obstacles: Obstacles) -> Barrier:

@@ -130,7 +130,7 @@ def _depth(points: Array, every: int = 1) -> Array:
 
 def _is_own(points: Array, arm: Arm, q: Array) -> NDArray[np.bool_]:
     """Mark base-frame points (n, 3) that lie on the arm itself at joints q."""
-    start, end = (ends[0] for ends in make_body(arm).segments(arm, q[None]))
+    start, end = (ends[0] for ends in make_body(arm).segments(q[None]))
     own = np.zeros(len(points), dtype=bool)
     for a, b, capsule in zip(start, end, arm.description.capsules, strict=True):
         along = np.clip((points - a) @ (b - a) / max(float((b - a) @ (b - a)), 1e-12), 0.0, 1.0)

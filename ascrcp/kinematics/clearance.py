@@ -1,8 +1,6 @@
 """Clearance of the arm: joint vectors + Obstacles -> signed distance and closest pair."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,14 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.capsule import Body, between_segments, droop, make_body
+from ascrcp.kinematics.capsule import make_body
+from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
 from ascrcp.kinematics.obstacle import Obstacle, Obstacles
-
-BLOCK = 512
-"""Joint vectors looked at at once: their samples stay in the cache."""
-
-HALF_DIAGONAL = 0.87
-"""Most by which the distance at the nearest node is wrong, over a cell: the field's slope is one."""
 
 ROUGH_SPREAD = 2.0
 """Spacing of the samples of a rough look, over the usual one."""
@@ -63,130 +56,43 @@ def clearance(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Clearance:
     Raises:
         InputError: Wrong shape, NaN, or an arm without capsules.
     """
-    parts = [_find_pair(make_body(arm), look, obstacles) for look in _blocks(arm, q, obstacles)]
-    return Clearance(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    body, q = make_body(arm), _check(arm, q)
+    distance, centre, own, pair, on = kernel("clearance").find_links(obstacles.around(body), q, -1.0)
+    rows, link = np.arange(len(q)), distance.argmin(axis=1)
+    best, at, radius = distance[rows, link], centre[rows, link], body.shape.radius
+    out, kind = obstacles.direction(at), obstacles.kind_at(at).astype(np.int64)
+    a, b = at - radius[link][:, None] * out, at - (best + radius[link])[:, None] * out
+    mine = own < best
+    if mine.any():
+        first, second = body.shape.pairs[pair[mine]].T
+        gap = on[mine, 1] - on[mine, 0]
+        unit = gap / np.maximum(np.linalg.norm(gap, axis=1), 1e-12)[:, None]
+        a[mine] = on[mine, 0] + radius[first][:, None] * unit
+        b[mine] = on[mine, 1] - radius[second][:, None] * unit
+        best[mine], link[mine], kind[mine] = own[mine], first, int(Obstacle.ARM)
+    return Clearance(best, link, kind, a, b)
 
 
 def least_distance(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Array:
-    """Measure the distances of `clearance` alone, at two thirds of its cost; (n,) [m]."""
-    return np.concatenate([np.minimum(look.best, look.own.distance) for look in _blocks(arm, q, obstacles)])
-
-
-def rough_clearance(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
-    """Measure quickly and roughly for searches, the arm itself left out; (n, joints) -> (n,) [m]."""
-    body = make_body(arm, ROUGH_SPREAD)
-    found = np.empty(len(q))
-    for i in range(0, len(q), BLOCK):
-        placed = body.place(arm, q[i : i + BLOCK])
-        near = obstacles.near(placed[:, body.moving]) - body.radius[body.owner[body.moving]]
-        found[i : i + BLOCK] = near.min(axis=1, initial=np.inf)
+    """Measure the distances of `clearance` alone; (n,) [m]."""
+    scene, find = obstacles.around(make_body(arm)), kernel("clearance").find_least
+    found: Array = by_halves(lambda rows: find(scene, rows), _check(arm, q))
     return found
 
 
-def link_distances(
-    body: Body, placed: Array, obstacles: Obstacles, within: float | None = None
-) -> tuple[Array, NDArray[np.int64]]:
-    """Find every capsule's nearest sample to the surroundings.
+def rough_clearance(arm: Arm, q: Array, obstacles: Obstacles) -> Array:
+    """Measure quickly and roughly for searches, the arm itself left out; (n, joints) -> (n,) [m].
 
-    The field is read at the nearest node first, and between nodes only where that can matter.
-
-    Args:
-        body: The capsules.
-        placed: Their samples, shape (n, m, 3).
-        obstacles: The surroundings.
-        within: Distance below which every capsule's is exact [m]; None: only the least of each row is.
-            The others are wrong by up to a cell's half diagonal.
-
-    Returns:
-        Distances from the capsule's surface [m], infinite for those that stay with the carrier, shape
-        (n, c), and the samples' indices, shape (n, c).
+    Half as many samples, and of each the nearest node: wrong by up to a cell's half diagonal.
     """
-    moving = body.moving
-    radius, points = body.radius[body.owner[moving]], placed[:, moving]
-    free = obstacles.near(points) - radius
-    slack = HALF_DIAGONAL * obstacles.cell
-    limit = (
-        free.min(axis=1, keepdims=True, initial=np.inf) + 2.0 * slack if within is None else within + slack
-    )
-    rows, samples = np.nonzero(free < limit)
-    free[rows, samples] = obstacles.distance(points[rows, samples]) - radius[samples]
-    distance = np.full(placed.shape[:2], np.inf)
-    distance[:, moving] = free
-    ends = [*body.first.tolist(), len(body.owner)]
-    at = [distance[:, a:b].argmin(axis=1) + a for a, b in pairwise(ends)]
-    nearest = np.stack(at, axis=1)
-    return np.take_along_axis(distance, nearest, axis=1), nearest
+    scene, find = obstacles.around(make_body(arm, ROUGH_SPREAD)), kernel("clearance").find_rough
+    found: Array = by_halves(lambda rows: find(scene, rows), as_rows(q))
+    return found
 
 
-@dataclass(frozen=True)
-class _Own:
-    """The nearest pair of links: distance, the pair's first link, points on both; each (n, ...)."""
-
-    distance: Array
-    link: NDArray[np.int64]
-    on_a: Array
-    on_b: Array
-
-
-@dataclass(frozen=True)
-class _Look:
-    """A block of joint vectors: nearest link and its sample, distance to the surroundings, own pair."""
-
-    best: Array
-    link: NDArray[np.int64]
-    centre: Array
-    own: _Own
-
-
-def _blocks(arm: Arm, q: ArrayLike, obstacles: Obstacles) -> Iterator[_Look]:
-    """Check joint vectors and look at them block by block."""
+def _check(arm: Arm, q: ArrayLike) -> Array:
+    """Return joint vectors as rows (n, joints), or refuse them."""
     q = np.asarray(q, dtype=float)
     if q.ndim not in (1, 2) or q.shape[-1] != arm.n or not np.isfinite(q).all():
         raise InputError(f"joint vectors must be finite with shape (n, {arm.n}), not {q.shape}")
-    q = q.reshape(-1, arm.n)
-    body = make_body(arm)
-    for i in range(0, max(len(q), 1), BLOCK):
-        start, end = body.carry(arm, q[i : i + BLOCK])
-        placed, rows = body.sample(arm, start, end), np.arange(start.shape[1])
-        distance, nearest = link_distances(body, placed, obstacles)
-        link = distance.argmin(axis=1)
-        own = _self_distance(body, droop(arm, start), droop(arm, end))
-        yield _Look(distance[rows, link], link, placed[rows, nearest[rows, link]], own)
-
-
-def _find_pair(
-    body: Body, look: _Look, obstacles: Obstacles
-) -> tuple[Array, NDArray[np.int64], NDArray[np.int64], Array, Array]:
-    """Fill the fields of `Clearance`, in their order."""
-    direction = obstacles.direction(look.centre)
-    kind = obstacles.kind_at(look.centre).astype(np.int64)
-    radius = body.radius[look.link]
-    a = look.centre - radius[:, None] * direction
-    b = look.centre - (look.best + radius)[:, None] * direction
-    mine = look.own.distance < look.best
-    return (
-        np.where(mine, look.own.distance, look.best),
-        np.where(mine, look.own.link, look.link),
-        np.where(mine, int(Obstacle.ARM), kind),
-        np.where(mine[:, None], look.own.on_a, a),
-        np.where(mine[:, None], look.own.on_b, b),
-    )
-
-
-def _self_distance(body: Body, start: Array, end: Array) -> _Own:
-    """Find the nearest pair of links, their segments' ends each (n, c, 3)."""
-    n = len(start)
-    if not len(body.pairs):
-        nowhere = np.zeros((n, 3))
-        return _Own(np.full(n, np.inf), np.zeros(n, dtype=np.int64), nowhere, nowhere)
-    rows = np.arange(n)
-    i, j = body.pairs.T
-    on_a, on_b = between_segments(start[:, i], end[:, i], start[:, j], end[:, j])
-    gap = on_b - on_a
-    length = np.linalg.norm(gap, axis=-1)
-    distance = length - body.radius[i] - body.radius[j]
-    best = distance.argmin(axis=1)
-    unit = gap[rows, best] / np.maximum(length[rows, best], 1e-12)[:, None]
-    a = on_a[rows, best] + body.radius[i[best]][:, None] * unit
-    b = on_b[rows, best] - body.radius[j[best]][:, None] * unit
-    return _Own(distance[rows, best], i[best], a, b)
+    return as_rows(q)

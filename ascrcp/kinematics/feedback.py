@@ -43,7 +43,7 @@ def split_collisions(body: Body, sight: Sight, wanted: float, last: int) -> tupl
         Avoidable and unavoidable ones, each shape (n, c).
     """
     short = sight.distance < wanted
-    tied = body.joint > last
+    tied = body.shape.joint > last
     return short & ~tied, short & tied
 
 

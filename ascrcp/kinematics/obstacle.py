@@ -8,16 +8,20 @@ the same whatever the scan's size. `room.py` makes the heading's surface.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import distance_transform_edt
 
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import Surface
 from ascrcp.core.geometry import Array, apply_transform, inverse_transform
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.body import find_bodies
+from ascrcp.kinematics.capsule import Body
+from ascrcp.kinematics.kernel_table import FieldTable, Scene, as_rows, freeze, kernel
 from ascrcp.kinematics.room import Room
 
 BEHIND = -4.0
@@ -28,6 +32,9 @@ BEYOND = 0.6
 
 CARRIER_REACH = 1.5
 """How far round the carrier its distance is entered [m]: beyond, nothing asks for it."""
+
+HALF_DIAGONAL = 0.87
+"""Most by which the distance at the nearest node is wrong, over a cell: the field's slope is one."""
 
 OUTLINE = 400
 """Points of the design line that give the field's extent."""
@@ -104,51 +111,36 @@ class Obstacles:
             _put_box(field, kind, axes, T_base_tunnel, np.array([box.low, box.high]))
         return cls(inverse_transform(T_base_tunnel), low, model.cell, field, kind)
 
+    @cached_property
+    def table(self) -> FieldTable:
+        """The field for the machine code."""
+        rotation, offset = self.T_tunnel_base[:3, :3], self.T_tunnel_base[:3, 3] - self.low
+        to_nodes = np.column_stack([rotation, offset]) / self.cell
+        values = np.ascontiguousarray(self.field).view()
+        return freeze(FieldTable(to_nodes, values, HALF_DIAGONAL * self.cell))
+
+    def around(self, body: Body) -> Scene:
+        """Return the field with the shapes of an arm in it, for the machine code."""
+        return Scene(body.chain, body.shape, self.table)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the table behind: it would carry the field a second time."""
+        return {name: value for name, value in vars(self).items() if name != "table"}
+
     def distance(self, points: Array) -> Array:
         """Read the distance of base-frame points (..., 3) to the heading, linear between nodes; (...)."""
-        found = map_coordinates(self.field, self._nodes(points), order=1, mode="nearest", prefilter=False)
-        return np.asarray(found, dtype=float).reshape(points.shape[:-1])
-
-    def near(self, points: Array) -> Array:
-        """Read the distance at the nearest node: quick, wrong by up to half a cell's diagonal; (...)."""
-        return self.field.reshape(-1)[self._index(points)].reshape(points.shape[:-1]).astype(float)
+        return kernel("field").read_field(self.table, as_rows(points)).reshape(points.shape[:-1])
 
     def kind_at(self, points: Array) -> NDArray[np.uint8]:
         """Tell what points (m, 3) of the base frame are nearest to."""
-        return np.asarray(self.kind.reshape(-1)[self._index(points)])
+        to_nodes, most = self.table.to_nodes, np.array(self.field.shape) - 1
+        index = np.clip(np.rint(points @ to_nodes[:, :3].T + to_nodes[:, 3]), 0, most).astype(np.int64)
+        return np.asarray(self.kind[tuple(index.T)])
 
     def direction(self, points: Array) -> Array:
         """Return the unit direction away from what points (m, 3) are nearest to, base frame."""
-        u = self._nodes(points)
-        step = 0.5
-        slope = np.empty((len(points), 3))
-        for axis in range(3):
-            shift = np.zeros((3, 1))
-            shift[axis] = step
-            ahead, behind = (
-                map_coordinates(self.field, u + sign * shift, order=1, mode="nearest", prefilter=False)
-                for sign in (1.0, -1.0)
-            )
-            slope[:, axis] = ahead - behind
-        size = np.linalg.norm(slope, axis=1, keepdims=True)
-        # half-way between two things there is no way out, nor beyond the field: take up
-        up = np.tile([0.0, 0.0, 1.0], (len(slope), 1))
-        slope = np.divide(slope, size, out=up, where=size > 0.0)
-        return slope @ self.T_tunnel_base[:3, :3]
-
-    def _nodes(self, points: Array) -> Array:
-        """Nodes of base-frame points (..., 3), component by component, shape (3, m)."""
-        flat = np.moveaxis(points, -1, 0).reshape(3, -1)
-        offset = (self.T_tunnel_base[:3, 3] - self.low) / self.cell
-        return np.asarray((self.T_tunnel_base[:3, :3] / self.cell) @ flat + offset[:, None])
-
-    def _index(self, points: Array) -> NDArray[np.int64]:
-        """Places of the nearest nodes in the flattened field, shape (m,)."""
-        u = np.rint(self._nodes(points))
-        ns, ny, nz = self.field.shape
-        for row, count in zip(u, (ns, ny, nz), strict=True):
-            np.clip(row, 0, count - 1, out=row)
-        return np.asarray(((u[0] * ny + u[1]) * nz + u[2]).astype(np.int64))
+        found: Array = kernel("field").find_away(self.table, as_rows(points))
+        return found
 
 
 def box_distance(box: Array, points: Array) -> Array:

@@ -5,6 +5,7 @@ import numpy as np
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, JointInfo
 from ascrcp.kinematics.clearance import clearance
+from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
 from ascrcp.kinematics.obstacle import Obstacles
 
 NO_POSTURE = "out of reach: no posture brings the nozzle to this position and direction"
@@ -19,6 +20,13 @@ def limit_excess(arm: Arm, q: Array) -> Array:
     g = q @ arm.limit_matrix.T
     over = np.maximum(np.maximum(arm.limit_lower - g, g - arm.limit_upper), 0.0)
     return over / (arm.limit_upper - arm.limit_lower)
+
+
+def largest_excess(arm: Arm, q: Array) -> Array:
+    """Find the largest of `limit_excess`, of many; (..., joints) -> (...)."""
+    find, limits = kernel("task").find_excess, (arm.limit_matrix, arm.limit_lower, arm.limit_upper)
+    found: Array = by_halves(lambda rows: find(rows, *limits), as_rows(q))
+    return found.reshape(q.shape[:-1])
 
 
 def explain_failure(arm: Arm, q: Array, obstacles: Obstacles | None = None) -> str:

@@ -12,7 +12,7 @@ from ascrcp.kinematics.barrier import Barrier
 from ascrcp.kinematics.candidate import Grid, make_grid, solve_grid
 from ascrcp.kinematics.clearance import rough_clearance
 from ascrcp.kinematics.description import PathModel
-from ascrcp.kinematics.reason import limit_excess
+from ascrcp.kinematics.reason import largest_excess
 from ascrcp.kinematics.smooth import Cost, Keeper, smooth_chain
 
 NEARLY = 0.25
@@ -72,7 +72,7 @@ class Rescue:
             self.report(start / len(T))
             cut = slice(start, start + BLOCK)
             chosen[cut, 1:] = self._choose(T[cut], neighbour[cut], grid, yaw)
-        excess = limit_excess(self.arm, chosen).max(axis=-1)
+        excess = largest_excess(self.arm, chosen)
         tries = np.full_like(chosen, np.nan)
         point, place = np.nonzero(excess < NEARLY)
         if point.size:
@@ -95,7 +95,7 @@ class Rescue:
     def _choose(self, T: Array, neighbour: Array, grid: Grid, yaw: NDArray[np.int64]) -> Array:
         """Best candidate per yaw, by falling rank, shape (n, yaws, joints)."""
         block = solve_grid(self.arm, T, grid)
-        excess = np.nan_to_num(limit_excess(self.arm, block).max(axis=-1), nan=np.inf)
+        excess = np.nan_to_num(largest_excess(self.arm, block), nan=np.inf)
         rank = FAR_OFF * (1.0 + excess)
         kept = ~(excess > 0.0)
         near_by = neighbour[:, None, None]

@@ -8,17 +8,16 @@ out of: the strokes' postures join the graph, each to its neighbours on the stro
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
-from scipy.sparse.csgraph import dijkstra
 
 from ascrcp.core.errors import InputError, UnreachableError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.clearance import HALF_DIAGONAL, clearance, least_distance, rough_clearance
+from ascrcp.kinematics.capsule import make_body
+from ascrcp.kinematics.clearance import clearance, least_distance
 from ascrcp.kinematics.description import ClearanceModel
+from ascrcp.kinematics.kernel_table import LegRule, freeze, kernel
 from ascrcp.kinematics.leg import keep_ranges
 from ascrcp.kinematics.obstacle import Obstacles
 
@@ -34,8 +33,9 @@ LIFT_STEP_M = 0.25
 ROW_M = 0.06
 """No joint of the arm moves further between two looks [m]: what is between them is 3 cm from one."""
 
-FEW = 9
-"""Looks at a leg before it is looked at closely: most bad legs are seen through at once."""
+FEW = np.array([0.5, 0.25, 0.75, 0.125, 0.375, 0.625, 0.875, 0.0, 1.0])
+"""Shares of a leg at which it is looked at before it is looked at closely: most bad legs are seen through
+at the first."""
 
 NEAR_PRICE = 8.0
 """Seconds that a second at the least clearance counts more than one at the wanted; placeholder."""
@@ -58,19 +58,11 @@ DAMPING = 1e-6
 STOP_S = 2.0
 """What a stop on the way costs [s]: slowing down, starting again and settling; placeholder."""
 
-SCREEN = (0.5, 0.25, 0.75)
-"""Shares of a leg at which it is looked at roughly, all legs at once, before any is looked at."""
+MOST_ROUNDS = 1000
+"""A search gives up after so many rounds; those that find a way need a few dozen, and most that find none end
+before, with no leg left."""
 
-EASY = 8
-"""After so many rounds a search is no easy one: all legs are looked at together, before one by one."""
-
-LEGS = 500
-"""Legs looked at at once."""
-
-MOST_ROUNDS = 250
-"""A search gives up after so many rounds; those that find a way need a few dozen."""
-
-MORE_ROUNDS = 1000
+MORE_ROUNDS = 4000
 """The same with the postures of strokes, which are many; placeholder."""
 
 TRAIL_S = 0.7
@@ -84,15 +76,6 @@ TRAIL_REACH = 3
 
 SLACK = 1e-6
 """Rounding allowed on a clearance [m]."""
-
-
-@dataclass(frozen=True)
-class Look:
-    """A straight leg as looked at: least clearance [m], the posture that has it, price [s]."""
-
-    least: float
-    at: Array
-    price: float
 
 
 def find_route(
@@ -133,8 +116,8 @@ def find_route(
     least = min(model.least, float(there.distance[0])) - SLACK
     enough = min(model.wanted, *there.distance.tolist()) - SLACK
     scout = _Scout(arm, obstacles, model)
-    straight = [scout.look(a, b, least) for a, b in pairwise([start, *first, end])]
-    if min(look.least for look in straight) >= enough:
+    kept, nearest = scout.look_along(np.stack([start, *first, end]), least)
+    if kept.min() >= enough:
         return tuple(first)
     nodes = np.stack([start, end, *first, *_middles(arm, start, end, obstacles)])
     free = least_distance(arm, nodes, obstacles)
@@ -146,8 +129,7 @@ def find_route(
         route = scout.search(nodes[free >= least], least, [thin_trail(arm, trail) for trail in trails])
         if route:
             return tuple(route[1:-1])
-    worst = min(straight, key=lambda look: look.least)
-    met = clearance(arm, worst.at, obstacles).describe(arm, 0)
+    met = clearance(arm, nearest[kept.argmin()], obstacles).describe(arm, 0)
     raise UnreachableError(f"no clear way found; straight, {met}, at least {model.least:g} m is kept")
 
 
@@ -155,78 +137,28 @@ class _Scout:
     """Looks at straight legs and searches the graph of them."""
 
     def __init__(self, arm: Arm, obstacles: Obstacles, model: ClearanceModel) -> None:
-        self.arm, self.obstacles, self.model = arm, obstacles, model
+        self._speed, self._scene = arm.max_speed, obstacles.around(make_body(arm))
+        speed = arm.max_speed.copy()
+        self._rule = freeze(LegRule(FEW, speed, ROW_M, model.wanted, model.least, NEAR_PRICE, STOP_S))
 
-    def look(self, a: Array, b: Array, floor: float) -> Look:
-        """Look at a leg: first at a few postures on it, then closely if none is nearer than the floor."""
-        n = FEW
-        while n:
-            q = a + np.linspace(0.0, 1.0, n)[:, None] * (b - a)
-            free = least_distance(self.arm, q, self.obstacles)
-            i = int(free.argmin())
-            if not free[i] >= floor:
-                return Look(float(free[i]), q[i], np.inf)
-            closely = int(np.ceil(self._travel(a, b) / ROW_M)) + 1 if n == FEW else 0
-            n = closely if closely > FEW else 0
-        short = (self.model.wanted - free) / (self.model.wanted - self.model.least)
-        price = float(self.time(a, b)) * (1.0 + NEAR_PRICE * float(np.maximum(short, 0.0).mean())) + STOP_S
-        return Look(float(free[i]), q[i], price)
-
-    def time(self, a: Array, b: Array) -> Array:
-        """Time of legs at the joints' largest speeds [s]; (..., joints) twice -> (...)."""
-        return np.asarray((np.abs(b - a) / self.arm.max_speed).max(axis=-1))
-
-    def _travel(self, a: Array, b: Array) -> float:
-        """Measure how far the joint or nozzle that moves most moves on a leg [m]."""
-        frames = self.arm.frames(a + np.linspace(0.0, 1.0, FEW)[:, None] * (b - a))
-        return float(np.linalg.norm(np.diff(frames[..., :3, 3], axis=0), axis=-1).sum(axis=0).max())
+    def look_along(self, stops: Array, floor: float) -> tuple[Array, Array]:
+        """Look closely at legs from stop to stop: what each keeps [m], and the posture that has it."""
+        kept, nearest, _ = kernel("route").look_along(self._scene, self._rule, stops, floor)
+        return kept, nearest
 
     def search(self, nodes: Array, floor: float, trails: Sequence[Array] = ()) -> list[Array] | None:
         """Find the cheapest route from the first node to the second; None if none is found."""
         hubs, most = len(nodes), MORE_ROUNDS if trails else MOST_ROUNDS
         nodes = np.concatenate([nodes, *trails])
-        price = self.time(nodes[:, None], nodes[None]) + STOP_S
+        price = (np.abs(nodes[:, None] - nodes) / self._speed).max(axis=-1) + STOP_S
         along = np.arange(len(nodes))
         trail = np.repeat(np.arange(len(trails) + 1), [hubs, *map(len, trails)])
         apart = (np.minimum.outer(along, along) >= hubs) & (
             np.abs(np.subtract.outer(along, along)) > TRAIL_REACH
         )
         price[apart & np.equal.outer(trail, trail)] = np.inf
-        self._screen(nodes, hubs, floor, price)
-        looked = np.eye(len(nodes), dtype=bool)
-        for count in range(most):
-            if count == EASY:
-                self._look_at_all(nodes, floor, price)
-            route = _shortest(price)
-            unseen = [(a, b) for a, b in pairwise(route) if not looked[a, b]]
-            if not unseen:
-                return [nodes[i] for i in route] if route else None
-            for a, b in unseen:
-                price[a, b] = price[b, a] = self.look(nodes[a], nodes[b], floor).price
-                looked[a, b] = looked[b, a] = True
-                if not np.isfinite(price[a, b]):
-                    break
-        return None
-
-    def _look_at_all(self, nodes: Array, floor: float, price: Array) -> None:
-        """Bar legs that a look at few postures tells are too near, all at once."""
-        a, b = np.nonzero(np.triu(np.isfinite(price), 1))
-        for k in range(0, len(a), LEGS):
-            i, j = a[k : k + LEGS], b[k : k + LEGS]
-            q = nodes[i] + np.linspace(0.0, 1.0, FEW)[:, None, None] * (nodes[j] - nodes[i])
-            free = least_distance(self.arm, q.reshape(-1, self.arm.n), self.obstacles)
-            bad = ~(free.reshape(FEW, -1).min(axis=0) >= floor)
-            price[i[bad], j[bad]] = price[j[bad], i[bad]] = np.inf
-
-    def _screen(self, nodes: Array, hubs: int, floor: float, price: Array) -> None:
-        """Bar legs between the first `hubs` nodes that a rough look at a few postures tells are too near."""
-        a, b = np.triu_indices(hubs, 1)
-        slack = HALF_DIAGONAL * self.obstacles.cell
-        for share in SCREEN:
-            q = nodes[a] + share * (nodes[b] - nodes[a])
-            bad = rough_clearance(self.arm, q, self.obstacles) + slack < floor
-            price[a[bad], b[bad]] = price[b[bad], a[bad]] = np.inf
-            a, b = a[~bad], b[~bad]
+        route = kernel("route").search(self._scene, self._rule, nodes, price, floor, most)
+        return [nodes[i] for i in route.tolist()] or None
 
 
 def thin_trail(arm: Arm, trail: Array) -> Array:
@@ -238,17 +170,6 @@ def thin_trail(arm: Arm, trail: Array) -> Array:
             kept.append(i)
             step *= TRAIL_GROWTH
     return trail[kept]
-
-
-def _shortest(price: Array) -> list[int]:
-    """Find the cheapest way from node 0 to node 1 of a dense graph; empty if there is none."""
-    _, before = dijkstra(np.where(np.isfinite(price), price, 0.0), indices=0, return_predecessors=True)
-    if before[1] < 0:
-        return []
-    route = [1]
-    while route[-1] != 0:
-        route.append(int(before[route[-1]]))
-    return route[::-1]
 
 
 def _middles(arm: Arm, start: Array, end: Array, obstacles: Obstacles) -> Array:
@@ -299,8 +220,4 @@ def _raise(arm: Arm, q: Array, lift: float) -> Array:
 
     The least effort, each joint measured by its speed. So the whole arm rises, not the lance alone.
     """
-    J = arm.jacobian(q)[:, 2:]
-    WJt = arm.max_speed[:, None] ** 2 * np.swapaxes(J, 1, 2)
-    wanted = np.array([lift, 0.0, 0.0, 0.0])[:, None]
-    step = WJt @ np.linalg.solve(J @ WJt + DAMPING * np.eye(4), np.broadcast_to(wanted, (len(q), 4, 1)))
-    return keep_ranges(arm, q + step[..., 0])
+    return keep_ranges(arm, kernel("task").raise_tool(arm.table, q, arm.max_speed**2, lift, DAMPING))

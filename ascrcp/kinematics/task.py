@@ -7,6 +7,7 @@ import numpy as np
 from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array, rotation, transform
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
 
 
 def spray_pose(path: SprayPath, theta1: float | Array = 0.0) -> Array:
@@ -63,17 +64,8 @@ class TaskError:
 
 def compute_error(arm: Arm, T: Array, q: Array) -> TaskError:
     """Compare the tool's position and direction at q (n, joints) with targets T (n, 4, 4)."""
-    reached, J = arm.pose_and_jacobian(q)
-    d = reached[:, :3, 0]
-    residual = np.empty((len(q), 5))
-    jacobian = np.empty((len(q), 5, arm.n))
-    residual[:, :3] = reached[:, :3, 3] - T[:, :3, 3]
-    jacobian[:, :3] = J[:, :3]
-    for row, axis in ((3, T[:, :3, 1]), (4, T[:, :3, 2])):
-        residual[:, row] = np.einsum("ni,ni->n", axis, d)
-        jacobian[:, row] = np.einsum("ni,nij->nj", np.cross(d, axis), J[:, 3:])
-    facing = np.einsum("ni,ni->n", T[:, :3, 0], d) > 0.0
-    return TaskError(residual, jacobian, facing)
+    find = kernel("task").find_misses
+    return TaskError(*by_halves(lambda T, q: find(arm.table, T, q), np.ascontiguousarray(T), as_rows(q)))
 
 
 def project_task(arm: Arm, T: Array, q: Array, metric: Array, rounds: int = 3) -> Array:
@@ -86,13 +78,8 @@ def project_task(arm: Arm, T: Array, q: Array, metric: Array, rounds: int = 3) -
         metric: Cost of a squared change of each joint, shape (joints,).
         rounds: Newton rounds.
     """
-    ease = 1.0 / metric
-    for _ in range(rounds):
-        error = compute_error(arm, T, q)
-        JW = error.jacobian * ease
-        gram = JW @ np.swapaxes(error.jacobian, 1, 2)
-        # a trace-scaled grain keeps a singular pose from stopping the others
-        gram += 1e-12 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(5)
-        step = np.linalg.solve(gram, error.residual[..., None])
-        q = q - (np.swapaxes(JW, 1, 2) @ step)[..., 0]
-    return q
+    move, ease = kernel("task").project, 1.0 / metric
+    found: Array = by_halves(
+        lambda T, q: move(arm.table, T, q, ease, rounds), np.ascontiguousarray(T), as_rows(q)
+    )
+    return found

@@ -49,10 +49,9 @@ class Stroke:
         position, direction = np.asarray(self._reached_place(u)), unit(self._reached_heading(u))
         weight = self._arm.max_speed**2  # least effort, each joint measured by its speed
         for _ in range(CORRECTIONS):
-            T = self._arm.forward(q)
+            T, J = self._arm.pose_and_jacobian(q)
             turn = np.cross(T[:, :3, 0], direction)  # the roll about the spray direction stays free
             error = np.concatenate([position - T[:, :3, 3], turn], axis=1)
-            J = self._arm.jacobian(q)
             across = np.eye(3) - T[:, :3, 0][:, :, None] * T[:, :3, 0][:, None, :]
             J[:, 3:] = across @ J[:, 3:]
             WJt = weight[:, None] * np.swapaxes(J, 1, 2)

@@ -34,6 +34,7 @@ class Remote(Enum):
 
 
 def load_stages() -> None:
-    """Load every stage with all it needs, ahead of the first use."""
+    """Load every stage with all it needs, machine code too, ahead of the first use."""
     for remote in Remote:
         import_module(remote.value.partition(":")[0])
+    import_module("ascrcp.kinematics.kernel_table").load_kernels()

@@ -10,9 +10,10 @@ from ascrcp.core.flow import Arch, Axis, Bay, Label, Surface
 from ascrcp.core.geometry import rotation
 from ascrcp.core.profile import Arc, Profile
 from ascrcp.kinematics import load_arm
-from ascrcp.kinematics.capsule import between_segments, make_body
+from ascrcp.kinematics.capsule import make_body
 from ascrcp.kinematics.clearance import clearance, rough_clearance
 from ascrcp.kinematics.description import ArmDescription, Capsule
+from ascrcp.kinematics.kernel_table import kernel
 from ascrcp.kinematics.obstacle import Obstacle, Obstacles, box_distance
 
 RADIUS, FLOOR, FACE = 5.0, -3.0, 13.0
@@ -88,7 +89,7 @@ def test_clearance_agrees_with_dense_points_on_every_link():
     obstacles = Obstacles.from_surface(smooth_heading(), arm)
     q = random_joints(1500)
     found = clearance(arm, q, obstacles)
-    start, end = make_body(arm).segments(arm, q)
+    start, end = make_body(arm).segments(q)
     share = np.linspace(0.0, 1.0, 400)[:, None]
     best = np.full((len(q), len(arm.description.capsules)), np.inf)
     for c, capsule in enumerate(arm.description.capsules):
@@ -119,12 +120,12 @@ def test_closest_points_lie_the_distance_apart_and_on_link_and_obstacle():
     np.testing.assert_allclose(gap, np.abs(found.distance), atol=1e-6)
     near = (found.obstacle <= Obstacle.BODY) & (found.distance > 0.0) & (found.distance < 0.5)
     assert near.sum() > 20 and np.abs(obstacles.distance(found.point_b[near])).max() < 0.1
-    start, end = make_body(arm).segments(arm, q)
+    start, end = make_body(arm).segments(q)
     for i in range(len(q)):
         c = found.link[i]
-        on, _ = between_segments(start[i, c], end[i, c], found.point_a[i], found.point_a[i])
+        on = start[i, c] + np.linspace(0.0, 1.0, 400)[:, None] * (end[i, c] - start[i, c])
         radius = arm.description.capsules[c].radius
-        assert np.linalg.norm(on - found.point_a[i]) < radius + 0.15
+        assert np.linalg.norm(on - found.point_a[i], axis=1).min() < radius + 0.15
 
 
 def test_kinds_are_told_apart():
@@ -151,7 +152,7 @@ def test_dust_and_falling_water_and_the_arm_itself_are_no_bodies():
     arm, rng = load_arm("kc"), np.random.default_rng(4)
     dust = rng.uniform([6.0, -3.0, -2.0], [12.5, 3.0, 3.0], (600, 3))
     water = np.column_stack([rng.normal([12.0, 2.0], 0.02, (900, 2)), rng.uniform(-3.0, 4.0, 900)])
-    start, end = (ends[0] for ends in make_body(arm).segments(arm, arm.zero_pose[None]))
+    start, end = (ends[0] for ends in make_body(arm).segments(arm.zero_pose[None]))
     own = start[4] + rng.uniform(0, 1, (2000, 1)) * (end - start)[4] + rng.normal(0.0, 0.08, (2000, 3))
     plain = Obstacles.from_surface(smooth_heading(), arm)
     beside = water[:30] + rng.uniform([-0.19, -0.19, 0.0], [0.19, 0.19, 0.0], (30, 3))  # dust that touches it
@@ -212,12 +213,14 @@ def test_segments_and_boxes():
     a0, a1, b0, b1 = rng.normal(size=(4, 300, 3))
     a1[:10], b1[10:20] = a0[:10], b0[10:20]  # points
     b1[20:30] = b0[20:30] + (a1 - a0)[20:30]  # parallel
-    on_a, on_b = between_segments(a0, a1, b0, b1)
+    on = np.empty((300, 2, 3))
+    ends = np.stack([a0, a1], axis=1), np.stack([b0, b1], axis=1)
+    found = np.array([kernel("clearance").gap(a, b, place) for a, b, place in zip(*ends, on, strict=True)])
     s = np.linspace(0.0, 1.0, 80)
     A = a0[:, None] + s[:, None] * (a1 - a0)[:, None]
     B = b0[:, None] + s[:, None] * (b1 - b0)[:, None]
     dense = np.linalg.norm(A[:, :, None] - B[:, None], axis=-1).min(axis=(1, 2))
-    found = np.linalg.norm(on_a - on_b, axis=1)
+    np.testing.assert_allclose(np.linalg.norm(on[:, 1] - on[:, 0], axis=1), found)
     assert (found <= dense + 1e-9).all() and (dense - found < 0.1).all()
     box = np.array([[0.0, 0.0, 0.0], [2.0, 1.0, 1.0]])
     points = np.array([[3.0, 0.5, 0.5], [1.0, 0.5, 0.9], [3.0, 2.0, 0.5], [2.0, 1.0, 1.0]])

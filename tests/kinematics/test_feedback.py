@@ -182,7 +182,7 @@ def test_a_lance_gives_way_by_self_motion_without_a_tilt():
     arm = load_arm("kc")
     path = rings([11.6, 11.9], 150.0, 185.0)
     blind = solve_path(arm, path, arm.zero_pose)
-    start, end = make_body(arm).segments(arm, blind.q[blind.solved])
+    start, end = make_body(arm).segments(blind.q[blind.solved])
     x, y, z = ((start + end)[:, 4] / 2.0)[::5].T  # the lance's middle along the path
     lowest = z.argmin()
     top = float(z[lowest]) - 0.2
