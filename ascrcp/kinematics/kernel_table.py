@@ -1,9 +1,14 @@
 """What the machine code reads: a chain, the shapes of an arm and a distance field as plain arrays."""
 
+import ctypes
+import gc
+import os
+import sys
 import threading
 from collections.abc import Callable, Sequence
 from functools import cache
 from importlib import import_module
+from importlib.util import find_spec
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
@@ -110,8 +115,26 @@ KERNELS = ("field", "clearance", "task", "route")
 
 @cache
 def kernel(name: str) -> ModuleType:
-    """Return a module of machine code by name: it is loaded when it is first used, in a third of a second."""
-    return import_module(f"ascrcp.kinematics.kernel_{name}")
+    """Return a module of machine code by name: it is loaded when it is first used, in a third of a second.
+
+    Loaded beside the control thread it must not hold Python's lock: nor may what was loaded be searched for
+    garbage after a control cycle.
+    """
+    if "llvmlite" not in sys.modules:
+        _open_compiler()
+    module = import_module(f"ascrcp.kinematics.kernel_{name}")
+    gc.freeze()
+    return module
+
+
+def _open_compiler() -> None:
+    """Open the compiler's library, 170 MB, with the lock free; its own loader holds it for 7 ms meanwhile."""
+    found = find_spec("llvmlite")
+    if sys.platform == "linux" and found is not None:
+        for place in found.submodule_search_locations or ():
+            library = ctypes.CDLL(None).dlopen
+            library.argtypes, library.restype = (ctypes.c_char_p, ctypes.c_int), ctypes.c_void_p
+            library(os.fsencode(os.path.join(place, "binding", "libllvmlite.so")), os.RTLD_NOW)
 
 
 def load_kernels() -> None:

@@ -93,4 +93,5 @@ class KernelMaker:
         around, arm = self._around, self._arm
         if around is None or arm.description.clearance is None:
             return None
+        least_distance(arm, arm.zero_pose, around)  # loads the machine code here, not in a control cycle
         return lambda q: float(least_distance(arm, q, around)[0])
