@@ -122,7 +122,7 @@ def _thin(points: Array) -> Array:
 def _depth(points: Array, every: int = 1) -> Array:
     """Least over largest deviation of the nearest neighbours of points (n, 3), of one in so many; (m,)."""
     count = min(NEIGHBOURS, len(points))
-    _, near = cKDTree(points).query(points[::every], k=[*range(1, count + 1)])
+    _, near = cKDTree(points).query(points[::every], k=[*range(1, count + 1)], workers=2)
     off = points[near] - points[near].mean(axis=1, keepdims=True)
     variance = np.linalg.eigvalsh(np.swapaxes(off, 1, 2) @ off)
     return np.sqrt(np.maximum(variance[:, 0], 0.0) / np.maximum(variance[:, 2], 1e-12))

@@ -173,13 +173,13 @@ def measure(scene: Scene, q: Array, desk: Desk) -> float:
 
     The field is read at the nearest node first, and between nodes only where that can matter.
     """
-    shape = scene.shape
-    limit = _sample(scene, q, desk) + 2.0 * scene.field.slack
-    least = np.inf
+    shape, slack, least = scene.shape, scene.field.slack, np.inf
+    limit = _sample(scene, q, desk) + 2.0 * slack
     for c in range(len(shape.joint)):
         for m in range(shape.first[c], shape.first[c + 1]):
             if desk.free[m] < limit:
                 least = min(least, read(scene.field, desk.points[m]) - shape.radius[c])
+                limit = min(limit, least + slack)
     return min(least, _nearest_pair(shape, desk)[0])
 
 
@@ -236,8 +236,8 @@ def find_links(scene: Scene, q: Array, within: float) -> tuple[Array, Array, Arr
     Args:
         scene: Arm and surroundings.
         q: Joint vectors [rad, m], shape (n, joints).
-        within: Distance below which every link's is exact [m]; negative: only the least of each row is. The
-            others are wrong by up to a cell's half diagonal.
+        within: Distance below which every link's is exact [m], and nothing is said of pairs; negative: only
+            the least of each row is. The others are wrong by up to a cell's half diagonal.
 
     Returns:
         Distances of the links [m], infinite for those that stay with the carrier, (n, c); the samples
@@ -261,7 +261,9 @@ def find_links(scene: Scene, q: Array, within: float) -> tuple[Array, Array, Arr
                     nearest = m
             distance[row, c] = free[nearest]
             centre[row, c] = points[nearest]
-        own[row], pair[row] = _nearest_pair(shape, desk)
+        own[row], pair[row] = np.inf, 0
+        if within < 0.0:
+            own[row], pair[row] = _nearest_pair(shape, desk)
         on[row] = desk.on
     return distance, centre, own, pair, on
 

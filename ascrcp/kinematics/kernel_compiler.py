@@ -18,9 +18,9 @@ _njit: Callable[..., Any] = partial(numba.njit, nogil=True, error_model="numpy")
 """Python's lock is free meanwhile. No fast mathematics: the same input gives the same bits."""
 
 
-def array_of(kind: Any, axes: int) -> Any:
-    """Type of a C-ordered array; read-only, which takes writeable ones too."""
-    return types.Array(kind, axes, "C", readonly=True)
+def array_of(kind: Any, axes: int, is_written: bool = False) -> Any:
+    """Type of a C-ordered array; read-only, which takes writeable ones too, if it is not written to."""
+    return types.Array(kind, axes, "C", readonly=not is_written)
 
 
 def table_of(kind: type, *fields: Any) -> Any:

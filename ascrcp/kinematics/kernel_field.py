@@ -35,13 +35,21 @@ def _find_node(field: FieldTable, point: Array, axis: int) -> float:
 
 
 @part
+def _round(u: float, count: int) -> int:
+    """Find the node nearest to a place along one axis; on the grid, NaN at its begin."""
+    if not u > 0.0:
+        return 0
+    return int(u + 0.5) if u < count - 1 else count - 1
+
+
+@part
 def read_nearest(field: FieldTable, point: Array) -> float:
     """Read the field at the node nearest to a point."""
     values = field.values
-    i, a = _split(_find_node(field, point, 0), values.shape[0])
-    j, b = _split(_find_node(field, point, 1), values.shape[1])
-    k, c = _split(_find_node(field, point, 2), values.shape[2])
-    return values[i + int(a > 0.5), j + int(b > 0.5), k + int(c > 0.5)]
+    i = _round(_find_node(field, point, 0), values.shape[0])
+    j = _round(_find_node(field, point, 1), values.shape[1])
+    k = _round(_find_node(field, point, 2), values.shape[2])
+    return values[i, j, k]
 
 
 @part

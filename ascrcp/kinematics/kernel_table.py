@@ -101,6 +101,25 @@ class LegRule(NamedTuple):
     stop: float
 
 
+class CostTable(NamedTuple):
+    """What a chain is to minimise; see `smooth.Cost`.
+
+    Attributes:
+        matrix: Rows that turn joints into the limited quantities, shape (joints, joints).
+        metric, middle, half, limit_half, centre, limit: See there, each (joints,).
+        hard: Weight beyond `limit_half`, shape (joints,).
+    """
+
+    matrix: Array
+    metric: Array
+    middle: Array
+    half: Array
+    limit_half: Array
+    centre: Array
+    limit: Array
+    hard: Array
+
+
 class Scene(NamedTuple):
     """An arm in its surroundings."""
 
@@ -109,7 +128,7 @@ class Scene(NamedTuple):
     field: FieldTable
 
 
-KERNELS = ("field", "clearance", "task", "route")
+KERNELS = ("nearest", "field", "clearance", "task", "smooth", "route")
 """Modules of machine code."""
 
 
@@ -149,7 +168,7 @@ def as_rows(values: ArrayLike) -> Array:
     return values.reshape(-1, values.shape[-1])
 
 
-def by_halves(call: Callable[..., Any], *rows: Array) -> Any:
+def by_halves(call: Callable[..., Any], *rows: NDArray[Any], many: int = MANY) -> Any:
     """Call machine code with rows; many of them in two halves, side by side on two cores.
 
     The code frees Python's lock, and every row is computed by itself: the bits are the same.
@@ -157,9 +176,10 @@ def by_halves(call: Callable[..., Any], *rows: Array) -> Any:
     Args:
         call: Takes the rows and returns an array, or a tuple of them, with as many.
         rows: Arrays of the same length.
+        many: Rows from which on that pays.
     """
     half = len(rows[0]) // 2
-    if 2 * half < MANY:
+    if 2 * half < many:
         return call(*rows)
     later: list[Any] = []
     beside = threading.Thread(target=lambda: later.append(call(*(each[half:] for each in rows))))

@@ -19,7 +19,7 @@ LINES, TARGETS, VECTOR = array_of(float64, 2), array_of(float64, 3), array_of(fl
 
 
 @part
-def _miss(
+def find_miss(
     chain: ChainTable, T: Array, q: Array, frames: Array, joints: Array, residual: Array, jacobian: Array
 ) -> bool:
     """Compare the tool's position and direction with a target; see `task.TaskError`, of one posture."""
@@ -61,7 +61,7 @@ def find_misses(chain: ChainTable, T: Array, q: Array) -> tuple[Array, Array, ND
     frames, joints = make_room(q)
     residual, jacobian, facing = np.empty((n, 5)), np.zeros((n, 5, count)), np.empty(n, np.bool_)
     for row in range(n):
-        facing[row] = _miss(chain, T[row], q[row], frames, joints, residual[row], jacobian[row])
+        facing[row] = find_miss(chain, T[row], q[row], frames, joints, residual[row], jacobian[row])
     return residual, jacobian, facing
 
 
@@ -89,7 +89,7 @@ def project(chain: ChainTable, T: Array, q: Array, ease: Array, rounds: int) -> 
     residual, J, gram, found = np.empty(5), np.zeros((5, count)), np.empty((5, 5)), q.copy()
     for row in range(n):
         for _ in range(rounds):
-            _miss(chain, T[row], found[row], frames, joints, residual, J)
+            find_miss(chain, T[row], found[row], frames, joints, residual, J)
             trace = 0.0
             for i in range(5):
                 for j in range(5):
@@ -158,6 +158,9 @@ def find_excess(q: Array, limit_matrix: Array, lower: Array, upper: Array) -> Ar
                 if limit_matrix[i, k] != 0.0:
                     g += limit_matrix[i, k] * q[row, k]
             over = max(lower[i] - g, g - upper[i]) / (upper[i] - lower[i])
-            if not over <= found[row]:
+            if over > found[row]:
                 found[row] = over
+            elif not over <= found[row]:
+                found[row] = np.nan
+                break
     return found

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import distance_transform_edt
 
 from ascrcp.core.errors import InputError
 from ascrcp.core.flow import Surface
@@ -21,7 +20,7 @@ from ascrcp.core.geometry import Array, apply_transform, inverse_transform
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.body import find_bodies
 from ascrcp.kinematics.capsule import Body
-from ascrcp.kinematics.kernel_table import FieldTable, Scene, as_rows, freeze, kernel
+from ascrcp.kinematics.kernel_table import FieldTable, Scene, as_rows, by_halves, freeze, kernel
 from ascrcp.kinematics.room import Room
 
 BEHIND = -4.0
@@ -190,17 +189,13 @@ def _spread(
     order = np.lexsort((off.sum(axis=1), node))
     node, first = np.unique(node[order], return_index=True)
     chosen = order[first]
-    free = np.ones(shape, dtype=bool)
-    free.reshape(-1)[node] = False
-    nearest = distance_transform_edt(free, return_distances=False, return_indices=True)
-    at = ((nearest[0] * shape[1] + nearest[1]) * shape[2] + nearest[2]).astype(np.int32)
-    del nearest
-    owner = np.zeros(free.size, dtype=np.int32)
-    owner[node] = chosen
-    who = owner[at]
-    square = np.zeros(shape, dtype=np.float32)
-    for axis in range(3):
-        nodes = (low[axis] + cell * np.arange(shape[axis])).astype(np.float32)
-        nodes = nodes.reshape([-1 if k == axis else 1 for k in range(3)])
-        square += (points[:, axis].astype(np.float32)[who] - nodes) ** 2
-    return np.sqrt(square, out=square), kinds[who]
+    owner = np.full(shape, -1, dtype=np.int32)
+    owner.reshape(-1)[node] = chosen
+    code, field = kernel("nearest"), np.empty(shape, dtype=np.float32)
+    across, who = by_halves(code.spread_across, owner, many=2)
+    who = by_halves(
+        lambda planes: code.spread_along(planes, across, who, points, low, cell, field),
+        np.arange(shape[1]),
+        many=2,
+    )
+    return field, np.ascontiguousarray(np.moveaxis(kinds[who], 0, 1))

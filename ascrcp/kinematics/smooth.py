@@ -17,8 +17,9 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import Barrier, Sight
 from ascrcp.kinematics.description import PathModel
+from ascrcp.kinematics.kernel_table import CostTable, as_rows, by_halves, freeze, kernel
 from ascrcp.kinematics.spacing import NEAREST
-from ascrcp.kinematics.task import compute_error, project_task
+from ascrcp.kinematics.task import project_task
 
 TASK_STIFFNESS = 1e8
 """Weight of a squared miss [1/m^2, 1/rad^2] against squared travel: leaves micrometres."""
@@ -64,6 +65,11 @@ class Cost:
     limit_half: Array
     centre: Array
     limit: Array
+
+    def table(self, arm: Arm) -> CostTable:
+        """Return the weights for the machine code."""
+        own = (self.metric, self.middle, self.half, self.limit_half, self.centre, self.limit)
+        return freeze(CostTable(arm.limit_matrix, *own, HARD_LIMIT * self.limit))
 
 
 def make_cost(arm: Arm, model: PathModel) -> Cost:
@@ -113,27 +119,16 @@ def smooth_round(
         Better joint vectors, shape (n, joints).
     """
     n, joints = q.shape
-    error = compute_error(arm, T, q)
-    Jt = np.swapaxes(error.jacobian, 1, 2)
-    blocks = TASK_STIFFNESS * (Jt @ error.jacobian)
-    gradient = TASK_STIFFNESS * (Jt @ error.residual[..., None])[..., 0]
-    limit_blocks, limit_gradient = _limit_terms(arm, cost, q)
-    blocks += limit_blocks
-    gradient += limit_gradient
-    if push is not None:
-        blocks += push[0]
-        gradient += push[1]
-    pull, first, second = _difference_terms(q, distance, curvature)
-    gradient += cost.metric * pull[1]
-    idx = np.arange(joints)
-    blocks[:, idx, idx] += cost.metric * (pull[0] + damping[:, None])
-    band = np.zeros((2 * joints + 1, n * joints))
-    for k in range(joints):  # within a point: upper diagonal form, row u + i - j
-        for j in range(k, joints):
-            band[2 * joints - (j - k), j::joints] = blocks[:, k, j]
-    band[joints, joints:] = (first[1:, None] * cost.metric).reshape(-1)
-    band[0, 2 * joints :] = (second[2:, None] * cost.metric).reshape(-1)
-    step = solveh_banded(band, gradient.reshape(-1), overwrite_ab=True, check_finite=False)
+    travel, pull = _difference_terms(q, distance, curvature)
+    travel[:, 0] += damping
+    blocks, slope = (np.zeros((n, joints, joints)), np.zeros((n, joints))) if push is None else push
+    code = kernel("smooth").assemble
+    band, gradient = by_halves(
+        lambda *rows: code(arm.table, cost.table(arm), TASK_STIFFNESS, *rows),
+        *(np.ascontiguousarray(T), as_rows(q), travel, pull, blocks, slope),
+    )
+    upper = band.reshape(n * joints, 2 * joints + 1).T
+    step = solveh_banded(upper, gradient.reshape(-1), overwrite_ab=True, check_finite=False)
     return q - step.reshape(n, joints)
 
 
@@ -142,7 +137,7 @@ def point_cost(arm: Arm, cost: Cost, q: Array, distance: Array, curvature: float
 
     Their sum over a piece between two cuts is the piece's cost; limits included, task not.
     """
-    product = _difference_terms(q, distance, curvature)[0][1]
+    product = _difference_terms(q, distance, curvature)[1]
     off = q @ arm.limit_matrix.T - cost.middle
     beyond = np.maximum(np.abs(off) - cost.limit_half, 0.0)
     hard = HARD_LIMIT * (cost.limit * beyond**2).sum(axis=1)
@@ -221,25 +216,11 @@ def smooth_chain(
     return q
 
 
-def _limit_terms(arm: Arm, cost: Cost, q: Array) -> tuple[Array, Array]:
-    """Pull to the middle and push out of the margins, on the limited quantities."""
-    off = q @ arm.limit_matrix.T - cost.middle
-    size = np.abs(off)
-    soft = np.where(size > cost.half, cost.limit, 0.0)
-    hard = np.where(size > cost.limit_half, HARD_LIMIT * cost.limit, 0.0)
-    weight = cost.centre + soft + hard
-    slope = cost.centre * off + np.sign(off) * (soft * (size - cost.half) + hard * (size - cost.limit_half))
-    L = arm.limit_matrix
-    return np.einsum("ki,nk,kj->nij", L, weight, L), slope @ L
-
-
-def _difference_terms(
-    q: Array, distance: Array, curvature: float
-) -> tuple[tuple[Array, Array], Array, Array]:
+def _difference_terms(q: Array, distance: Array, curvature: float) -> tuple[Array, Array]:
     """Assemble squared first and second differences by distance, a scalar matrix for all joints.
 
     Returns:
-        (diagonal (n, 1), matrix times q (n, joints)), first off-diagonal (n,), second (n,); entry i
+        The matrix by its diagonal, first and second off-diagonal, (n, 3), and times q, (n, joints); entry i
         of an off-diagonal couples point i with i - 1 or i - 2.
     """
     n = len(q)
@@ -266,4 +247,4 @@ def _difference_terms(
     product[:-1] += first[1:, None] * q[1:]
     product[2:] += second[2:, None] * q[:-2]
     product[:-2] += second[2:, None] * q[2:]
-    return (diagonal[:, None], product), first, second
+    return np.stack([diagonal, first, second], axis=1), product
