@@ -15,6 +15,7 @@ from ascrcp.kinematics.clearance import least_distance
 from ascrcp.kinematics.description import PathModel
 from ascrcp.kinematics.feedback import find_lever, raise_weights, split_collisions
 from ascrcp.kinematics.first import TASK_TOLERANCE, FirstChain, is_reroll
+from ascrcp.kinematics.kink import patch, straighten
 from ascrcp.kinematics.lean import LeanSearch
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.rescue import INSIST, Rescue, nearest_solved
@@ -42,9 +43,6 @@ CUT = 0.005
 
 THROWN = 0.01
 """The same of a step that throws the arm while it sprays on; placeholder."""
-
-SAME = 0.01
-"""Joints of two solutions of a point that differ by less [rad, m] go over into each other."""
 
 UNSOLVED = 1.0
 """A point lost or won counts as so many metres of clearance."""
@@ -119,7 +117,7 @@ class PathSolver:
         back = np.isfinite(q[:, 0]) & ~np.isfinite(settled[:, 0])
         if back.any():
             q = self._settle(q, q, report, self._beside(back))
-        return self.lean(q, report), np.where(np.isfinite(again), again, best)
+        return self._straighten(self.lean(q, report)), np.where(np.isfinite(again), again, best)
 
     def _turn_back(self, q: Array, report: Progress) -> Array:
         """Tilt poses back to their side of a stop and settle, but not where a point falls short by it."""
@@ -145,7 +143,7 @@ class PathSolver:
         smoothed = self.smooth(turned, report, 0.85, 1.0, only=only)
         mine = np.ones((len(q), 1), dtype=bool) if only is None else only[:, None]
         kept = self.keep_least(self.keep_good(np.where(mine, smoothed, np.nan)))
-        return self._patch(np.where(mine, kept, smoothed), self._follow(np.where(mine, q, np.nan)))
+        return patch(np.where(mine, kept, smoothed), self._follow(np.where(mine, q, np.nan)), self.aim.gaps)
 
     def _fallen(self, before: Array, after: Array) -> NDArray[np.bool_]:
         """Mark points that kept what is wanted before and no longer do."""
@@ -155,15 +153,17 @@ class PathSolver:
         enough = model.wanted - model.cell / LOW_SHARE
         return (self._free(before) >= enough) & ~(self._free(after) >= enough)
 
-    def _patch(self, q: Array, spare: Array) -> Array:
-        """Take the spare joints where q has none, and beside that for as far as the two differ.
+    def _straighten(self, q: Array) -> Array:
+        """Put points that alone stand off their neighbours' way between them, if they keep as much there."""
+        model = self.arm.description.clearance
+        kept = np.minimum(self._free(q), np.inf if model is None else model.wanted)
+        steep = KINK * self.model.break_cost * np.where(self.aim.cut, np.inf, self.aim.gaps)
 
-        A lost point filled in alone would throw the arm from one posture to another and back.
-        """
-        lost = ~np.isfinite(q[:, 0])
-        differs = ~(np.abs(q - spare).max(axis=1) <= SAME) & np.isfinite(spare[:, 0])
-        taken = differs & (sum_stretches(differs, lost, self.aim.gaps) > 0.0)
-        return np.where(taken[:, None], spare, q)
+        def keep(tried: Array) -> Array:
+            tried = self.keep_least(self.keep_good(tried))
+            return np.where((self._free(tried) >= kept)[:, None], tried, np.nan)
+
+        return straighten(self.arm, self.cost.metric, self.aim.T, q, steep, keep)
 
     def smooth(
         self,
