@@ -106,6 +106,30 @@ def project(chain: ChainTable, T: Array, q: Array, ease: Array, rounds: int) -> 
     return found
 
 
+@part
+def _find_slides(chain: ChainTable, count: int) -> NDArray[np.bool_]:
+    """Tell which joints slide, shape (count,)."""
+    slides = np.zeros(count, np.bool_)
+    for k in range(len(chain.motion)):
+        if chain.motion[k, 2] >= 0:
+            slides[chain.motion[k, 2]] = chain.motion[k, 0] == SLIDE
+    return slides
+
+
+@part
+def _ease_out(J: Array, gram: Array, pull: Array, ease: Array, damping: float, q: Array) -> None:
+    """Move a joint vector q by the least damped effort that meets a pull (k,) of derivative J (k, joints)."""
+    for i in range(len(pull)):
+        for j in range(len(pull)):
+            gram[i, j] = damping if i == j else 0.0
+            for k in range(len(q)):
+                gram[i, j] += J[i, k] * ease[k] * J[j, k]
+    _solve(gram, pull)
+    for k in range(len(q)):
+        for i in range(len(pull)):
+            q[k] += ease[k] * J[i, k] * pull[i]
+
+
 @whole(CHAIN, LINES, VECTOR, float64, float64)
 def raise_tool(chain: ChainTable, q: Array, ease: Array, lift: float, damping: float) -> Array:
     """Raise the tool by a small lift with its direction kept, by least effort.
@@ -121,10 +145,7 @@ def raise_tool(chain: ChainTable, q: Array, ease: Array, lift: float, damping: f
         Joint vectors, not kept within their ranges, shape (n, joints).
     """
     (n, count), (frames, joints), found = q.shape, make_room(q), q.copy()
-    J, gram, pull, slides = np.zeros((4, count)), np.empty((4, 4)), np.empty(4), np.zeros(count, np.bool_)
-    for k in range(len(chain.motion)):
-        if chain.motion[k, 2] >= 0:
-            slides[chain.motion[k, 2]] = chain.motion[k, 0] == SLIDE
+    J, gram, pull, slides = np.zeros((4, count)), np.empty((4, 4)), np.empty(4), _find_slides(chain, count)
     for row in range(n):
         walk(chain, q[row], frames, joints)
         for k in range(count):
@@ -134,15 +155,43 @@ def raise_tool(chain: ChainTable, q: Array, ease: Array, lift: float, damping: f
                 J[1 + i, k] = 0.0 if slides[k] else z[i]
         pull[:] = 0.0
         pull[0] = lift
-        for i in range(4):
-            for j in range(4):
-                gram[i, j] = damping if i == j else 0.0
-                for k in range(count):
-                    gram[i, j] += J[i, k] * ease[k] * J[j, k]
-        _solve(gram, pull)
+        _ease_out(J, gram, pull, ease, damping, found[row])
+    return found
+
+
+@whole(CHAIN, LINES, LINES, LINES, VECTOR, float64)
+def step_onto(
+    chain: ChainTable, q: Array, position: Array, direction: Array, ease: Array, damping: float
+) -> Array:
+    """Move joint vectors towards wanted poses by least effort, the roll about the tool's direction free.
+
+    Args:
+        chain: The arm's motions.
+        q: Joint vectors [rad, m], shape (n, joints).
+        position, direction: Where the tool should be [m] and point to, shape (n, 3).
+        ease: How lightly each joint moves: its squared speed, shape (joints,).
+        damping: Keeps the step finite in a singular pose.
+
+    Returns:
+        Joint vectors, not kept within their ranges, shape (n, joints).
+    """
+    (n, count), (frames, joints), found = q.shape, make_room(q), q.copy()
+    J, gram, pull, slides = np.zeros((6, count)), np.empty((6, 6)), np.empty(6), _find_slides(chain, count)
+    for row in range(n):
+        walk(chain, q[row], frames, joints)
+        d, p = frames[-1, 0], frames[-1, 3]
+        for i in range(3):
+            j, m = (i + 1) % 3, (i + 2) % 3
+            pull[i] = position[row, i] - p[i]
+            pull[3 + i] = d[j] * direction[row, m] - d[m] * direction[row, j]
         for k in range(count):
-            for i in range(4):
-                found[row, k] += ease[k] * J[i, k] * pull[i]
+            z, o = joints[k, 0], joints[k, 1]
+            along = z[0] * d[0] + z[1] * d[1] + z[2] * d[2]
+            for i in range(3):
+                j, m = (i + 1) % 3, (i + 2) % 3
+                J[i, k] = z[i] if slides[k] else z[j] * (p[m] - o[m]) - z[m] * (p[j] - o[j])
+                J[3 + i, k] = 0.0 if slides[k] else z[i] - along * d[i]
+        _ease_out(J, gram, pull, ease, damping, found[row])
     return found
 
 

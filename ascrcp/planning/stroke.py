@@ -5,6 +5,7 @@ from scipy.interpolate import Akima1DInterpolator, PPoly
 
 from ascrcp.core.geometry import Array, unit
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.kernel_table import as_rows, kernel
 from ascrcp.kinematics.leg import keep_ranges
 
 TURN_LEVER_M = 0.5  # a turn by 1 rad counts as this much path where the nozzle stands; placeholder
@@ -46,17 +47,12 @@ class Stroke:
     def solve(self, u: Array) -> Array:
         """Return joints at path lengths (m,) [rad, m], within the arm's ranges, shape (m, joints)."""
         q = keep_ranges(self._arm, np.asarray(self.joints(u)))
-        position, direction = np.asarray(self._reached_place(u)), unit(self._reached_heading(u))
+        position, direction = as_rows(self._reached_place(u)), as_rows(unit(self._reached_heading(u)))
         weight = self._arm.max_speed**2  # least effort, each joint measured by its speed
+        step = kernel("task").step_onto
         for _ in range(CORRECTIONS):
-            T, J = self._arm.pose_and_jacobian(q)
-            turn = np.cross(T[:, :3, 0], direction)  # the roll about the spray direction stays free
-            error = np.concatenate([position - T[:, :3, 3], turn], axis=1)
-            across = np.eye(3) - T[:, :3, 0][:, :, None] * T[:, :3, 0][:, None, :]
-            J[:, 3:] = across @ J[:, 3:]
-            WJt = weight[:, None] * np.swapaxes(J, 1, 2)
-            step = WJt @ np.linalg.solve(J @ WJt + DAMPING**2 * np.eye(6), error[:, :, None])
-            q = keep_ranges(self._arm, q + step[..., 0])
+            moved = step(self._arm.table, as_rows(q), position, direction, weight, DAMPING**2)
+            q = keep_ranges(self._arm, moved)
         return q
 
     def _spline(self, values: Array) -> PPoly:

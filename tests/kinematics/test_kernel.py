@@ -62,16 +62,16 @@ def test_the_field_is_read_as_scipy_reads_it():
 
 def test_many_postures_are_measured_as_each_by_itself():
     """Many rows run in two threads: the same bits, also on a second call and after a journey by pickle."""
-    q, there = random_joints(1300, seed=3), pickle.loads(pickle.dumps(ROOM))
-    q = np.concatenate([q, q + 1e-3])[:1100]
-    assert len(q) == 1100
+    q, there = random_joints(1600, seed=3), pickle.loads(pickle.dumps(ROOM))
+    q = np.concatenate([q, q + 1e-3])[:2200]
+    assert len(q) == 2200
     for measure in (least_distance, rough_clearance):
         whole = measure(ARM, q, ROOM)
         np.testing.assert_array_equal(whole, [measure(ARM, q[i : i + 1], ROOM)[0] for i in range(len(q))])
         np.testing.assert_array_equal(whole, measure(ARM, q, there))
     np.testing.assert_array_equal(clearance(ARM, q, ROOM).distance, least_distance(ARM, q, ROOM))
     T, metric = ARM.forward(q[::-1].copy()), make_cost(ARM, ARM.description.path).metric
-    few = [project_task(ARM, T[i : i + 1], q[i : i + 1], metric)[0] for i in range(0, 1100, 100)]
+    few = [project_task(ARM, T[i : i + 1], q[i : i + 1], metric)[0] for i in range(0, 2200, 100)]
     np.testing.assert_array_equal(project_task(ARM, T, q, metric)[::100], few)
 
 
@@ -104,6 +104,20 @@ def test_a_raised_tool_rises_and_keeps_its_direction():
     before, after = ARM.forward(q), ARM.forward(found)
     np.testing.assert_allclose(after[:, 2, 3] - before[:, 2, 3], lift, atol=1e-4)
     np.testing.assert_allclose(after[:, :3, 0], before[:, :3, 0], atol=1e-4)
+
+
+def test_a_step_onto_a_pose_leaves_its_square_behind():
+    q = random_joints(300, seed=12)
+    rng = np.random.default_rng(12)
+    T = ARM.forward(q + rng.normal(0.0, 2e-3, q.shape))
+    moved = kernel("task").step_onto(
+        ARM.table, q, T[:, :3, 3].copy(), T[:, :3, 0].copy(), ARM.max_speed**2, 1e-9
+    )
+    before, after = ARM.forward(q), ARM.forward(moved)
+    away = [np.linalg.norm(each[:, :3, 3] - T[:, :3, 3], axis=1) for each in (before, after)]
+    turned = [np.linalg.norm(each[:, :3, 0] - T[:, :3, 0], axis=1) for each in (before, after)]
+    assert np.median(away[1]) < 0.01 * np.median(away[0])
+    assert np.median(turned[1]) < 0.01 * np.median(turned[0])
 
 
 def test_the_push_is_the_slope_of_the_barrier():
