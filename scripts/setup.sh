@@ -105,7 +105,7 @@ sync() {
     "$UV" sync --frozen --no-progress --quiet --compile-bytecode --python .venv/bin/python
     .venv/bin/python -m compileall -q ascrcp
     say "machine code of the solver (half a minute)"
-    .venv/bin/python -c "from ascrcp.kinematics.kernel_table import load_kernels; load_kernels()"
+    .venv/bin/python -c "from ascrcp.kinematics.kernel_call import load_kernels; load_kernels()"
 }
 
 mkdir -p "$TOOLS"

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.geometry import Array, rotation, transform
 from ascrcp.kinematics.bucket import BucketInverse
-from ascrcp.kinematics.chain import Column, Op, Walk, compile_chain, pack_transform, walk_chain
+from ascrcp.kinematics.chain import Op, Walk, compile_chain, pack_transform, walk_chain
 from ascrcp.kinematics.description import ArmDescription, Mount, Prismatic, Revolute, load_description
 from ascrcp.kinematics.inverse import SprayInverse
 from ascrcp.kinematics.kernel_table import tabulate_chain
@@ -148,10 +148,6 @@ class Arm:
         walk, shape = self._walk(q, record=True)
         packed = [pack_transform(columns, shape) for columns in [*walk.frames, walk.columns]]
         return np.stack(packed, axis=-3)
-
-    def link_columns(self, q: ArrayLike) -> list[list[Column]]:
-        """Return the columns x, y, z and origin of each joint's frame, three components each, unpacked."""
-        return self._walk(q, record=True)[0].frames
 
     def lidar(self, q: ArrayLike) -> Array:
         """Compute T_base_lidarmount, shape (..., 4, 4).

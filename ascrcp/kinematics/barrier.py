@@ -9,7 +9,7 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.capsule import Body, make_body
 from ascrcp.kinematics.clearance import ROUGH_SPREAD
-from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
+from ascrcp.kinematics.kernel_call import as_rows, by_halves, kernel
 from ascrcp.kinematics.obstacle import Obstacles
 
 

@@ -13,14 +13,8 @@ from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.chain import compute_reach
-from ascrcp.kinematics.kernel_table import (
-    ChainTable,
-    ShapeTable,
-    as_rows,
-    freeze,
-    kernel,
-    tabulate_sag,
-)
+from ascrcp.kinematics.kernel_call import as_rows, kernel
+from ascrcp.kinematics.kernel_table import ChainTable, ShapeTable, freeze, tabulate_sag
 
 HALF_LOAD_KG = 90.0
 """Concrete in the hose for the sag [kg]: half of thesis 6.2.3's full hose, so that kc's tip is off by 9 mm

@@ -9,7 +9,7 @@ from ascrcp.core.errors import InputError
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.capsule import make_body
-from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
+from ascrcp.kinematics.kernel_call import as_rows, by_halves, kernel
 from ascrcp.kinematics.obstacle import Obstacle, Obstacles
 
 ROUGH_SPREAD = 2.0

@@ -20,7 +20,8 @@ from ascrcp.core.geometry import Array, apply_transform, inverse_transform
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.body import find_bodies
 from ascrcp.kinematics.capsule import Body
-from ascrcp.kinematics.kernel_table import FieldTable, Scene, as_rows, by_halves, freeze, kernel
+from ascrcp.kinematics.kernel_call import as_rows, by_halves, kernel
+from ascrcp.kinematics.kernel_table import FieldTable, Scene, freeze
 from ascrcp.kinematics.room import Room
 
 BEHIND = -4.0

@@ -5,7 +5,7 @@ import numpy as np
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, JointInfo
 from ascrcp.kinematics.clearance import clearance
-from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
+from ascrcp.kinematics.kernel_call import as_rows, by_halves, kernel
 from ascrcp.kinematics.obstacle import Obstacles
 
 NO_POSTURE = "out of reach: no posture brings the nozzle to this position and direction"

@@ -17,7 +17,8 @@ from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.capsule import make_body
 from ascrcp.kinematics.clearance import clearance, least_distance
 from ascrcp.kinematics.description import ClearanceModel
-from ascrcp.kinematics.kernel_table import LegRule, freeze, kernel
+from ascrcp.kinematics.kernel_call import kernel
+from ascrcp.kinematics.kernel_table import LegRule, freeze
 from ascrcp.kinematics.leg import keep_ranges
 from ascrcp.kinematics.obstacle import Obstacles
 

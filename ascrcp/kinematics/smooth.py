@@ -17,7 +17,8 @@ from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.barrier import Barrier, Sight
 from ascrcp.kinematics.description import PathModel
-from ascrcp.kinematics.kernel_table import CostTable, as_rows, by_halves, freeze, kernel
+from ascrcp.kinematics.kernel_call import as_rows, by_halves, kernel
+from ascrcp.kinematics.kernel_table import CostTable, freeze
 from ascrcp.kinematics.spacing import NEAREST
 from ascrcp.kinematics.task import project_task
 

@@ -7,7 +7,7 @@ import numpy as np
 from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array, rotation, transform
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.kernel_table import as_rows, by_halves, kernel
+from ascrcp.kinematics.kernel_call import as_rows, by_halves, kernel
 
 
 def spray_pose(path: SprayPath, theta1: float | Array = 0.0) -> Array:

@@ -5,7 +5,7 @@ from scipy.interpolate import Akima1DInterpolator, PPoly
 
 from ascrcp.core.geometry import Array, unit
 from ascrcp.kinematics.arm import Arm
-from ascrcp.kinematics.kernel_table import as_rows, kernel
+from ascrcp.kinematics.kernel_call import as_rows, kernel
 from ascrcp.kinematics.leg import keep_ranges
 
 TURN_LEVER_M = 0.5  # a turn by 1 rad counts as this much path where the nozzle stands; placeholder

@@ -37,4 +37,4 @@ def load_stages() -> None:
     """Load every stage with all it needs, machine code too, ahead of the first use."""
     for remote in Remote:
         import_module(remote.value.partition(":")[0])
-    import_module("ascrcp.kinematics.kernel_table").load_kernels()
+    import_module("ascrcp.kinematics.kernel_call").load_kernels()

@@ -13,7 +13,7 @@ from ascrcp.kinematics import load_arm
 from ascrcp.kinematics.capsule import make_body
 from ascrcp.kinematics.clearance import clearance, rough_clearance
 from ascrcp.kinematics.description import ArmDescription, Capsule
-from ascrcp.kinematics.kernel_table import kernel
+from ascrcp.kinematics.kernel_call import kernel
 from ascrcp.kinematics.obstacle import Obstacle, Obstacles, box_distance
 
 RADIUS, FLOOR, FACE = 5.0, -3.0, 13.0

@@ -14,7 +14,8 @@ from ascrcp.kinematics import load_arm
 from ascrcp.kinematics.barrier import make_barrier, no_emphasis
 from ascrcp.kinematics.capsule import make_body
 from ascrcp.kinematics.clearance import clearance, least_distance, rough_clearance
-from ascrcp.kinematics.kernel_table import LegRule, freeze, kernel
+from ascrcp.kinematics.kernel_call import kernel
+from ascrcp.kinematics.kernel_table import LegRule, freeze
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.reason import largest_excess, limit_excess
 from ascrcp.kinematics.smooth import TASK_STIFFNESS, make_cost, point_cost, smooth_round
