@@ -181,7 +181,9 @@ class Coverage:
     def _cover(self, bay: int, mask: NDArray[np.bool_], layer: int) -> list[_Pass]:
         """Lay an S over the cells of a mask; what lies beyond the seam is an S of its own.
 
-        The layers of a deep place are aimed as the bay is and at its flanks in turn. A second spraying is
+        The layers of a deep place are aimed as the bay is and at its flanks in turn, every second one midway
+        between the lines of the others: from the near stand-off of such places one layer's passes leave
+        ridges, a sixth of the layer high, that would add up to centimetres. A second spraying is
         laid twice as densely, square, as the bay and at the flanks, for the doses to choose from: what is
         still thin is mostly where the first could not aim.
         """
@@ -189,6 +191,8 @@ class Coverage:
         fractions = self._fractions(bay)
         if self._again:
             fractions = np.sort(np.concatenate([fractions, (fractions[1:] + fractions[:-1]) / 2.0]))
+        elif layer > 1 and layer % 2 == 0 and len(fractions) > 1:
+            fractions = (fractions[1:] + fractions[:-1]) / 2.0
         sides: tuple[list[_Pass], list[_Pass]] = ([], [])
         for fraction in fractions.tolist():
             strip = Strip(bay, fraction, (0.0, 0.0), False, self._tilt(bay, fraction), layer > 1)

