@@ -76,9 +76,9 @@ def spray_heading(arm: Arm, seed: int, parameters: Parameters) -> Sprayed:
     grown = site.spray(sprayer, sequence)
     first, first_all = (site.judge(driven, grown, seen) for seen in (True, False))
     rebound, pumped = grown.rebound / grown.pumped, grown.pumped
-    cloud = site.scan(grow_heading(site.heading, site.bare, grown.rock, grown.flange), 1)
+    points = site.scan_again(grow_heading(site.heading, site.bare, grown.rock, grown.flange), obstacles)
     expected = driven.target.offset - driven.growth
-    after = find_after(cloud.points, site.surface, driven.target, expected)
+    after = find_after(points, site.surface, driven.target, expected)
     again = plan_again(site, driven, sequence, after)
     if again is not None:
         grown = site.spray(sprayer, drive(site, again, obstacles)[1])

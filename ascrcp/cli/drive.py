@@ -81,7 +81,7 @@ def scan(options: Options, output: Output) -> int:
         session.reset_and_wait(RESET_WAIT_S)
         _do(session, Step.ZERO)
         with session.stopwatch("scan"):
-            scan_heading(session, session.round)
+            scan_heading(session, session.round.scan)
         place = session.round.scan
         timing = session.desk.timing_s("scan")
     output.result(

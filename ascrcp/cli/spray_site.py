@@ -10,6 +10,7 @@ from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath
 from ascrcp.core.geometry import Array, angle_between, apply_transform, inverse_transform
 from ascrcp.core.paths import CONFIG
 from ascrcp.kinematics.arm import Arm
+from ascrcp.kinematics.look import find_look_pose
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.path import solve_path
 from ascrcp.perception.parameter import load_parameters as load_perception
@@ -63,14 +64,23 @@ class Site:
         self.bare = lay_bare(self.heading, self._deposition.cell_m, ARCH_DEPTH_M)
         self.truth = self._find_truth()
 
-    def scan(self, heading: Heading, number: int) -> Cloud:
-        """Scan from the zero pose; every scan has noise of its own."""
+    def scan(self, heading: Heading, number: int, q: Array | None = None) -> Cloud:
+        """Scan from the zero pose or another; every scan has noise of its own."""
+        q = self.arm.zero_pose if q is None else q
         config = load(CONFIG / "simulation" / "lidar.yaml", LidarConfig)
         lidar, rng = LidarModel(config, heading), np.random.default_rng([self.seed, number])
-        mount = self.arm.lidar(self.arm.zero_pose)
+        mount = self.arm.lidar(q)
         pan = np.radians(np.arange(-90.0, 90.0, PAN_STEP_DEG))
         ranges = np.array([lidar.measure(mount, angle, rng) for angle in pan], dtype=np.float32)
-        return project(Scan(ranges, config.beam, pan, self.arm.zero_pose), mount)
+        return project(Scan(ranges, config.beam, pan, q), mount)
+
+    def scan_again(self, heading: Heading, obstacles: Obstacles) -> NDArray[np.float32]:
+        """Scan as the job does after spraying: from the zero pose, and from further in if there is room."""
+        pose = find_look_pose(self.arm, obstacles, self.surface)
+        clouds = [self.scan(heading, 1).points]
+        if pose is not None:
+            clouds.append(self.scan(heading, 2, pose).points)
+        return np.concatenate(clouds)
 
     def sprayer(self) -> Sprayer:
         """Return a fresh wall with a jet drawn from the heading's seed."""
@@ -146,12 +156,14 @@ class Site:
         return Finish(finish[ok], truth.area[ok])
 
     def judged(self, plan: SprayPlan, seen_only: bool) -> NDArray[np.bool_]:
-        """Mark what is judged: to be sprayed, reachable, not in the corners at face and sprayed part."""
+        """Mark what is judged: to be sprayed, reachable, not beneath flanges, not in the corners."""
         truth, corner = self.truth, self.parameters.process.target.corner_m
         first, last = self.heading.truth.unsprayed
         face = np.interp(truth.along, self.bare.along, np.nan_to_num(self.bare.face, posinf=1e3))
         row = truth.station[:, None]
-        mask = truth.inside & (row > first + corner) & (row < np.minimum(last, face) - corner)
+        mask = (
+            truth.inside & ~truth.beneath & (row > first + corner) & (row < np.minimum(last, face) - corner)
+        )
         station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
         reach = plan.target.sample(plan.exposed.astype(float), station, along) > 0.5
         mask &= reach.reshape(mask.shape)

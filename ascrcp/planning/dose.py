@@ -196,6 +196,7 @@ def solve_dose(
     mask: NDArray[np.bool_],
     start: Array | None = None,
     rounds: int = ROUNDS,
+    leave: float = 0.0,
 ) -> Dose:
     """Find the doses that bring the wall nearest to the wanted surface, patch by patch.
 
@@ -207,12 +208,13 @@ def solve_dose(
         mask: Cells that count, shape (ns, na).
         start: Doses to begin with [m3/m], shape (m,); None for none.
         rounds: Of weighting the excess; without any the doses to begin with are only held within bounds.
+        leave: How much thinner than wanted the wall may stay [m].
     """
     unit = process.dose.pass_spacing_m  # a dose of one metre's layer: its width times one metre
     matrix = stretches.growth * unit
     back = csr_matrix(matrix.T)
     need = find_need(target, process)
-    need = need - held_back(target, process) * np.maximum(need, 0.0)
+    need = need - leave - held_back(target, process) * np.maximum(need, 0.0)
     cell = target.cell
     size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
     # arches and rock are surfaces of their own: an excess on one does not make up for a lack on the other

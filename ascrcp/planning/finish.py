@@ -53,11 +53,12 @@ def judge_finish(
     Args:
         offset: The wall [m], NaN where unknown, shape (ns, na).
         target: Grid and wanted surface.
-        covered: Cells that count, as far as they are inside and away from the ends, shape (ns, na).
+        covered: Cells that count, as far as they are inside, away from the ends and not beneath a flange,
+            shape (ns, na).
         parameters: Patch, tolerance, corners.
     """
     along = target.station[_sprayed_rows(target)]
-    covered = covered & target.inside & np.isfinite(offset)
+    covered = covered & target.inside & ~target.beneath & np.isfinite(offset)
     if len(along):
         first, last = along[0] + parameters.corner_m, along[-1] - parameters.corner_m
         covered &= ((target.station > first) & (target.station < last))[:, None]

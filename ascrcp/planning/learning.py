@@ -23,6 +23,7 @@ NOISE_SHARE = 0.1  # of the layer, the same: flanks, and concrete that fell, whe
 OUTLIER = 1.5  # sigmas beyond which a patch weighs less
 ROUNDS = 8  # of weighting; placeholder
 STEP = 0.05  # of a parameter, to see what it does
+MOST = 0.9  # of each: so much never rebounds
 LEAST_M = 0.005  # patches that were to get less tell nothing
 TAKEN_SHARE = 0.3  # patches that took less were hardly sprayed: a run that was stopped, concrete that fell
 
@@ -72,8 +73,9 @@ def learn_rebound(
     found = patches(np.where(seen, target.offset - after, 0.0))
     by_parameter = []
     for name in BELIEF:
-        other = change(believed, **{name: min(getattr(believed, name) + STEP, 0.9)})
-        step = getattr(other, name) - getattr(believed, name)
+        value = getattr(believed, name)
+        step = STEP if value + STEP <= MOST else -STEP
+        other = change(believed, **{name: value + step})
         by_parameter.append((patches(lay(walls, other).layer(target)) - expected) / step)
     sigma = np.array(list(BELIEF.values()))
     with np.errstate(invalid="ignore"):
@@ -81,7 +83,7 @@ def learn_rebound(
     A, miss = np.column_stack(by_parameter)[counts] * sigma, (found - expected)[counts]
     change_by = _fit(A, miss, np.hypot(NOISE_M, NOISE_SHARE * expected[counts])) * sigma
     learned = {
-        name: float(np.clip(getattr(believed, name) + by, 0.0, 0.9))
+        name: float(np.clip(getattr(believed, name) + by, 0.0, MOST))
         for name, by in zip(BELIEF, change_by.tolist(), strict=True)
     }
     return change(believed, **learned)

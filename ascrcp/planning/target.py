@@ -112,6 +112,14 @@ class Target:
         """Cells to be sprayed, shape (ns, na)."""
         return np.asarray(self.left == Left.NOT)
 
+    @property
+    def beneath(self) -> NDArray[np.bool_]:
+        """Rock cells that reach beneath an arch's flange: no jet gets to all of them, shape (ns, na)."""
+        near = np.zeros(self.arch.shape, dtype=bool)
+        for lid in self.arches:
+            near |= np.abs(self.station[:, None] - lid.station) < lid.half + self.cell[0] / 2.0
+        return near & ~self.arch & binary_dilation(self.arch, np.ones((3, 1)))
+
     def sample(self, grid: Array, station: Array, along: Array) -> Array:
         """Read a grid at stations and arc lengths (n,), linearly between the cells' middles."""
         ds, da = self.cell

@@ -59,6 +59,7 @@ def measure_achieved(
     config: PlanningParameters,
     survey: SurveyParameters,
     expected: Array | None = None,
+    behind: NDArray[np.float32] | None = None,
 ) -> Achieved:
     """Lay a further scan over the first and measure what has been laid.
 
@@ -69,6 +70,8 @@ def measure_achieved(
         config: Grid, wanted surface, patch.
         survey: Registration, thickness.
         expected: Offset that was to be left by what was sprayed [m], on the plan's grid; None if not known.
+        behind: More points of the same wall, from a pose that sees behind arches, base frame [m], (k, 3);
+            the arm itself may be among them, so that they tell of the wall alone.
 
     Raises:
         RecognitionError: The scans do not show the same wall.
@@ -78,7 +81,11 @@ def measure_achieved(
     found = register(stable_points(first), stable_points(second), survey.registration)
     moved = apply_transform(found.T_first_second, points.astype(float)).astype(np.float32)
     target = layout.target if layout is not None else find_grid(first, config)
-    after = find_reached(moved, first, target, survey, expected)
+    shown = moved
+    if behind is not None:
+        more = apply_transform(found.T_first_second, behind.astype(float)).astype(np.float32)
+        shown = np.concatenate([moved, more])
+    after = find_reached(shown, first, target, survey, expected)
     seen = np.isfinite(after)
     beyond = target.station > first.unsprayed[1]  # of the face nobody knows how far it was
     layer = np.where(beyond[:, None], np.nan, target.offset - after)

@@ -11,6 +11,9 @@ import numpy as np
 
 from ascrcp.core.errors import NothingToSprayError
 from ascrcp.core.flow import SprayPath
+from ascrcp.core.geometry import Array
+from ascrcp.kinematics.arm import load_arm
+from ascrcp.kinematics.look import find_look_pose
 from ascrcp.perception.crop import crop
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.survey import load_survey
@@ -34,8 +37,26 @@ from ascrcp.session.store import (
     write_json,
     write_surface,
 )
+from ascrcp.session.surroundings import find_obstacles
 
 _GRIDS = ("after", "layer", "finish")
+
+
+def look_pose(
+    first: Path, machine: str, config: PlanningParameters, progress: Progress = quiet
+) -> Array | None:
+    """surface.npz -> where the lidar looks behind arches (`find_look_pose`), None if nowhere.
+
+    Args:
+        first: Round folder of the first scan.
+        machine: Machine name or YAML.
+        config: Whether bodies count.
+        progress: Called with the fraction done.
+    """
+    round_, arm = Round(first), load_arm(machine)
+    around = find_obstacles(round_, arm, config)
+    progress(1.0)
+    return None if around is None else find_look_pose(arm, around, read_surface(round_.surface))
 
 
 def measure(
@@ -48,7 +69,7 @@ def measure(
     payload_kg: float,
     progress: Progress = quiet,
 ) -> Measured:
-    """scan.npz of a further scan -> achieved.npz, achieved.json, surface.npz, cloud.ply beside it.
+    """scan.npz, look.npz of a further scan -> achieved.npz, achieved.json, surface.npz, cloud.ply beside it.
 
     Args:
         folder: Folder of the further scan.
@@ -69,10 +90,13 @@ def measure(
     notes: dict[str, object] = {}
     cloud = project_scan(read_scan(round_.need("scan", "scan")), machine, payload_kg, notes)
     points = voxel(crop(cloud.points, surface.profile, perception.crop), perception.voxel)
+    behind = None
+    if round_.look.exists():
+        behind = project_scan(read_scan(round_.look), machine, payload_kg, {}).points
     progress(0.3)
     layout = read_layout(before.plan, surface)[0] if before.plan.exists() else None
     expected = None if sprayed is None else find_expected(Round(sprayed), surface)
-    found = measure_achieved(points, surface, layout, config, load_survey(), expected)
+    found = measure_achieved(points, surface, layout, config, load_survey(), expected, behind)
     progress(0.8)
     write_surface(round_.surface, found.surface)
     write_labelled_cloud(round_.cloud, found.surface)

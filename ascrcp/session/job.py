@@ -11,7 +11,6 @@ from ascrcp.core.geometry import Array
 from ascrcp.session.desk import Desk
 from ascrcp.session.outcome import Loaded, Solution
 from ascrcp.session.remote import Remote
-from ascrcp.session.round import Round
 from ascrcp.session.scanner import Scanner
 from ascrcp.session.state import Mode
 from ascrcp.session.steering import SteerOrder
@@ -26,7 +25,7 @@ def zero_joints(desk: Desk) -> None:
     """关节归零: move every joint to the scan pose."""
     session = desk.session
     session.stage("Moving to the scan pose", "正在运动至扫描位姿")
-    _move_to(desk, session.arm.zero_pose)
+    move_to(desk, session.arm.zero_pose)
     session.announce("Joints are at the scan pose.", "关节已归零（扫描位姿）。")
 
 
@@ -40,7 +39,7 @@ def recognise_and_solve(desk: Desk) -> None:
     if source is None:
         session.stage("Scanning the heading", "正在扫描掌子面")
         with session.stopwatch("scan"):
-            scan_heading(session, folder)
+            scan_heading(session, folder.scan)
         session.announce("Scan finished.", "扫描完成。")
     session.stage("Reconstructing and recognising", "正在三维重建与识别", 0.25)
     with session.stopwatch("recognise"):
@@ -104,7 +103,7 @@ def go_to_start(desk: Desk) -> None:
     desk.loaded()
     session.stage("Moving to the start", "正在运动至初始点")
     if session.snapshot().job.mode is Mode.SEMI_AUTOMATIC:
-        _move_to(desk, _nearest_pose(desk))
+        move_to(desk, _nearest_pose(desk))
         session.announce(
             "The nozzle is at the nearest planned point; the stick may take over.",
             "喷头已到达最近的规划点，可用摇杆操纵。",
@@ -112,7 +111,7 @@ def go_to_start(desk: Desk) -> None:
         return
     if desk.is_finished:
         desk.begin_again()
-    _move_to(desk, desk.pose_at(desk.resume_s))
+    move_to(desk, desk.pose_at(desk.resume_s))
     session.announce("The nozzle is at the start.", "喷头已到达初始点。")
 
 
@@ -201,7 +200,7 @@ def run_sequence(desk: Desk) -> None:
     write_report(desk)
 
 
-def _move_to(desk: Desk, target: Array) -> None:
+def move_to(desk: Desk, target: Array) -> None:
     """Move to a pose at rest, planned in the compute process: clear of what the round's scan saw."""
     session, setup = desk.session, desk.session.setup
     sequence: JointSequence = session.run_compute(
@@ -218,8 +217,8 @@ def _move_to(desk: Desk, target: Array) -> None:
     session.run_motion(sequence)
 
 
-def scan_heading(session: "Session", folder: Round) -> None:
-    """Sweep the lidar over the heading and keep the raw scan in a folder."""
+def scan_heading(session: "Session", file: Path) -> None:
+    """Sweep the lidar over the heading from where the arm stands and keep the raw scan in a file."""
     setup = session.setup
     setup.lidar.open()
     try:
@@ -227,4 +226,4 @@ def scan_heading(session: "Session", folder: Round) -> None:
         session.run_scan(scanner)
     finally:
         setup.lidar.close()
-    write_scan(folder.scan, scanner.scan())
+    write_scan(file, scanner.scan())

@@ -24,7 +24,8 @@ def scan_again(desk: Desk) -> None:
     place = session.round.begin_rescan()
     session.stage("Scanning the sprayed wall", "正在扫描已喷壁面")
     with session.stopwatch("rescan"):
-        job.scan_heading(session, place)
+        job.scan_heading(session, place.scan)
+        _look_behind(desk, place)
     session.announce("Scan finished.", "扫描完成。")
     _measure(desk, place)
     if desk.achieved[-1]["within_tolerance"] >= session.setup.report.covered_share:
@@ -34,6 +35,21 @@ def scan_again(desk: Desk) -> None:
     if desk.finding is Finding.COVERED:
         session.announce("Nothing is left to spray again.", "已无需补喷。")
     job.write_report(desk)
+
+
+def _look_behind(desk: Desk, place: Round) -> None:
+    """Scan once more from further in, where the lidar sees what arches and rims hid, if the way is clear."""
+    session, setup = desk.session, desk.session.setup
+    pose = session.run_compute(
+        Remote.LOOK_POSE, session.round.folder, setup.machine, setup.planning, share=(0.0, 0.0)
+    )
+    if pose is None:
+        session.announce("No room to look behind the arches.", "空间不足，未扫描拱架背侧。")
+        return
+    session.stage("Scanning behind the arches", "正在扫描拱架背侧")
+    job.move_to(desk, pose)
+    job.scan_heading(session, place.look)
+    job.move_to(desk, session.arm.zero_pose)
 
 
 def _measure(desk: Desk, place: Round) -> None:

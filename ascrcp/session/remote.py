@@ -21,6 +21,7 @@ class Remote(Enum):
     PREDICTED_LAYER = "ascrcp.session.wall_layer:read_predicted"
     OBSTACLES = "ascrcp.session.steer_stage:prepare_obstacles"
     STEER_PLAN = "ascrcp.session.steer_stage:prepare_plan"
+    LOOK_POSE = "ascrcp.session.again:look_pose"
     MEASURE = "ascrcp.session.again:measure"
     PLAN_AGAIN = "ascrcp.session.again:plan_again"
     REPORT = "ascrcp.session.report:build_report"

@@ -20,6 +20,7 @@ class Round:
     Attributes:
         folder: The folder itself.
         scan: Raw lidar lines.
+        look: The same from further in, of a further scan: what the first pose does not see.
         cloud: Labelled cloud, PLY.
         surface: Recognised surface.
         features: features.json (design.md section 9).
@@ -39,6 +40,7 @@ class Round:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         self.scan = folder / "scan.npz"
+        self.look = folder / "look.npz"
         self.cloud = folder / "cloud.ply"
         self.surface = folder / "surface.npz"
         self.features = folder / "features.json"
