@@ -8,14 +8,16 @@ from pathlib import Path
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
-from ascrcp.core.errors import NothingToSprayError
+from ascrcp.core.errors import NothingToSprayError, RecognitionError
 from ascrcp.core.flow import SprayPath
-from ascrcp.core.geometry import Array
+from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.kinematics.arm import load_arm
 from ascrcp.kinematics.look import find_look_pose
 from ascrcp.perception.crop import crop
 from ascrcp.perception.parameter import PerceptionParameters
+from ascrcp.perception.registration import register
 from ascrcp.perception.survey import load_survey
 from ascrcp.perception.voxel import voxel
 from ascrcp.perception.writer import write_labelled_cloud
@@ -92,7 +94,9 @@ def measure(
     points = voxel(crop(cloud.points, surface.profile, perception.crop), perception.voxel)
     behind = None
     if round_.look.exists():
-        behind = project_scan(read_scan(round_.look), machine, payload_kg, {}).points
+        look = project_scan(read_scan(round_.look), machine, payload_kg, {}).points
+        look = voxel(crop(look, surface.profile, perception.crop), perception.voxel)
+        behind = _lay_over(points, look, notes)
     progress(0.3)
     layout = read_layout(before.plan, surface)[0] if before.plan.exists() else None
     expected = None if sprayed is None else find_expected(Round(sprayed), surface)
@@ -106,6 +110,28 @@ def measure(
     target = found.target
     layer = WallLayer(target.station, target.along, found.layer.astype(np.float32), found.figures)
     return Measured(found.surface, layer)
+
+
+def _lay_over(
+    points: NDArray[np.float32], look: NDArray[np.float32], notes: dict[str, object]
+) -> NDArray[np.float32] | None:
+    """Lay the scan from further in over the one of the same wall: the boom sags otherwise when drawn out.
+
+    Args:
+        points: The scan from the scan pose, base frame [m], shape (n, 3).
+        look: The one from further in, shape (k, 3).
+        notes: Filled with how well they fit.
+
+    Returns:
+        The second moved onto the first, shape (k, 3); None if they do not show the same wall.
+    """
+    try:
+        found = register(points, look, load_survey().registration)
+    except RecognitionError as error:
+        notes["look"] = {"residual_mm": None, "reason": str(error)}
+        return None
+    notes["look"] = {"residual_mm": 1e3 * found.residual, "share": found.share}
+    return apply_transform(found.T_first_second, look.astype(float)).astype(np.float32)
 
 
 def _write_achieved(round_: Round, found: Achieved) -> None:

@@ -8,6 +8,7 @@ from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import apply_transform, inverse_transform
 from ascrcp.planning.dose import build_walls, explain, find_need, find_stretches, held_back, steepness
+from ascrcp.planning.finish import judge_finish
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.learning import learn_rebound
 from ascrcp.planning.parameter import change, load_parameters
@@ -271,8 +272,8 @@ def test_a_hole_behind_a_rim_is_read_by_the_line_of_sight() -> None:
     np.testing.assert_allclose(found[row, clear], chord[clear], atol=1e-6)
 
 
-@pytest.mark.parametrize(("sprayed_m", "believed_m"), [(0.30, 0.30), (0.0, 0.05)])
-def test_what_no_scan_sees_is_where_the_spraying_left_it_if_that_is_thicker(
+@pytest.mark.parametrize(("sprayed_m", "believed_m"), [(0.30, 0.175), (0.0, 0.025)])
+def test_what_no_scan_sees_lies_midway_between_its_surroundings_and_what_was_sprayed(
     sprayed_m: float, believed_m: float
 ) -> None:
     """A wall with 50 mm on it; behind an arch, in a hole of the scan, the plan laid more, or nothing."""
@@ -336,6 +337,15 @@ def test_a_scan_of_the_sprayed_wall_teaches_the_rebound(rebound: dict[str, float
     assert found.distance == PROCESS.rebound.distance
 
 
+def test_a_rebound_believed_near_its_bound_is_learned_from_below() -> None:
+    believed = change(PROCESS.rebound, angle=0.88)
+    layout = dataclasses.replace(PLAN.layout, rebound=believed)
+    sequence, after = sprayed({})
+    found = learn_rebound(layout, SURFACE, sequence, after, PROCESS)
+    assert np.isfinite([found.wall, found.crown, found.angle]).all()
+    assert found.angle < believed.angle, "the wall shows less"
+
+
 def test_what_was_hardly_sprayed_teaches_nothing() -> None:
     sequence, after = sprayed({"wall": 0.23})
     half = PLAN.target.along > PLAN.target.profile.length / 2.0
@@ -389,3 +399,37 @@ def test_less_than_a_litre_is_not_worth_a_stroke() -> None:
 def test_a_plan_of_which_no_point_is_reached_lays_nothing() -> None:
     found = replan(PLAN.layout, SURFACE, PLAN.path, np.zeros(len(PLAN.path), dtype=bool), PROCESS)
     assert found.dose.volume == 0.0 and not found.exposed.any()
+
+
+def test_layers_of_a_deep_place_lie_midway_between_each_others_lines_in_turn() -> None:
+    """From the near stand-off one layer's passes leave ridges; laid on each other they would add up."""
+    lines = PLAN.lines
+    deep = (np.abs(lines.wall[:, 0] - 10.7) < 0.5) & (np.abs(lines.along - lines.along.mean()) < 3.0)
+
+    def stations(layer: int) -> np.ndarray:
+        return np.unique(np.round(lines.wall[deep & (lines.layer == layer), 0], 2))
+
+    even, odd = stations(2), stations(3)
+    assert len(even) and len(odd)
+    apart = np.abs(even[:, None] - odd[None, :]).min(axis=1)
+    assert (apart > 0.3 * PROCESS.dose.pass_spacing_m).all()
+
+
+def test_cells_that_reach_beneath_a_flange_are_not_judged() -> None:
+    target = PLAN.target
+    beneath = target.beneath
+    assert beneath.any() and not (beneath & target.arch).any()
+    rows = np.abs(target.station[:, None] - np.stack([lid.station for lid in target.arches])[:, None, :])
+    edge = np.abs(rows - target.arches[0].half).min(axis=0)
+    assert (edge[beneath] < target.cell[0] / 2.0).all(), "half a cell beside the flange at most"
+    assert beneath.sum() < 0.08 * target.inside.sum()
+    finish = judge_finish(target.offset, target, target.inside, PROCESS.target)
+    assert np.isnan(finish.value[beneath]).all() and np.isfinite(finish.value[target.arch]).any()
+
+
+def test_a_second_spraying_leaves_a_little_and_no_more() -> None:
+    target = PLAN.target
+    lack = np.where(target.inside & (np.abs(target.along - 13.0) < 2.0), 0.03, 0.0)
+    again = make(after=target.wanted + lack)
+    left = (lack - again.growth)[(lack > 0.0) & again.exposed]
+    assert 0.0 < left.mean() < 0.2 * PROCESS.target.tolerance_m

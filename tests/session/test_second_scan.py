@@ -114,6 +114,7 @@ def test_the_loop_on_the_rig(session: Session) -> None:
     assert found.folder.name == "rescan-1"
     for place in (found.scan, found.surface, found.achieved, found.finish, found.cloud):
         assert place.exists()
+    assert not found.look.exists(), "the face of so short a heading is too near to draw the lance out"
     assert content(session) == before, "the first spraying's files stay as they were"
     assert not found.path.exists(), "no further spraying was asked for"
 
