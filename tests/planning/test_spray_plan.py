@@ -432,4 +432,4 @@ def test_a_second_spraying_leaves_a_little_and_no_more() -> None:
     lack = np.where(target.inside & (np.abs(target.along - 13.0) < 2.0), 0.03, 0.0)
     again = make(after=target.wanted + lack)
     left = (lack - again.growth)[(lack > 0.0) & again.exposed]
-    assert 0.0 < left.mean() < 0.2 * PROCESS.target.tolerance_m
+    assert 0.0 < left.mean() < 0.3 * PROCESS.target.tolerance_m
