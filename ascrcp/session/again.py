@@ -4,6 +4,7 @@ A further scan has a folder of its own inside the round. Its surface is the head
 frame of the first scan, so that solving, loading and moving work on that folder as on any round.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -15,6 +16,7 @@ from ascrcp.core.flow import SprayPath
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.kinematics.arm import load_arm
 from ascrcp.kinematics.look import find_look_pose
+from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.perception.crop import crop
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.registration import register
@@ -25,7 +27,7 @@ from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.prediction import predict
 from ascrcp.planning.spray_plan import plan_spray
 from ascrcp.planning.table import write_path
-from ascrcp.session.achieved import Achieved, measure_achieved
+from ascrcp.session.achieved import Achieved, carry_labels, measure_achieved
 from ascrcp.session.layout_store import find_expected, learn, read_layout, write_layout
 from ascrcp.session.outcome import Measured
 from ascrcp.session.round import Round
@@ -39,26 +41,42 @@ from ascrcp.session.store import (
     write_json,
     write_surface,
 )
-from ascrcp.session.surroundings import find_obstacles
 
 _GRIDS = ("after", "layer", "finish")
 
 
 def look_pose(
-    first: Path, machine: str, config: PlanningParameters, progress: Progress = quiet
+    folder: Path,
+    first: Path,
+    machine: str,
+    config: PlanningParameters,
+    perception: PerceptionParameters,
+    payload_kg: float,
+    progress: Progress = quiet,
 ) -> Array | None:
-    """surface.npz -> where the lidar looks behind arches (`find_look_pose`), None if nowhere.
+    """scan.npz of a further scan -> where the lidar looks behind arches (`find_look_pose`), None if nowhere.
+
+    What stands in the heading by now keeps the lance back, not what stood there at the first scan.
 
     Args:
-        first: Round folder of the first scan.
+        folder: Folder of the further scan.
+        first: Round folder of the first.
         machine: Machine name or YAML.
         config: Whether bodies count.
+        perception: For thinning the cloud.
+        payload_kg: Concrete in the hose while scanning [kg].
         progress: Called with the fraction done.
     """
-    round_, arm = Round(first), load_arm(machine)
-    around = find_obstacles(round_, arm, config)
-    progress(1.0)
-    return None if around is None else find_look_pose(arm, around, read_surface(round_.surface))
+    arm, before = load_arm(machine), Round(first)
+    if arm.description.clearance is None:
+        return None
+    surface, scan = read_surface(before.need("surface", "recognise")), read_scan(Round(folder).scan)
+    points = project_scan(scan, machine, payload_kg, {}).points
+    points = voxel(crop(points, surface.profile, perception.crop), perception.voxel)
+    now = replace(surface, points=points, labels=carry_labels(points, surface))
+    progress(0.5)
+    around = Obstacles.from_surface(now, arm, scan.q, bodies=config.solve.bodies)
+    return find_look_pose(arm, around, surface)
 
 
 def measure(

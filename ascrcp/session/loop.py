@@ -41,7 +41,14 @@ def _look_behind(desk: Desk, place: Round) -> None:
     """Scan once more from further in, where the lidar sees what arches and rims hid, if the way is clear."""
     session, setup = desk.session, desk.session.setup
     pose = session.run_compute(
-        Remote.LOOK_POSE, session.round.folder, setup.machine, setup.planning, share=(0.0, 0.0)
+        Remote.LOOK_POSE,
+        place.folder,
+        session.round.folder,
+        setup.machine,
+        setup.planning,
+        setup.perception,
+        setup.payload_kg,
+        share=(0.0, 0.0),
     )
     if pose is None:
         session.announce("No room to look behind the arches.", "空间不足，未扫描拱架背侧。")
