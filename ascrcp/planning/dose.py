@@ -194,6 +194,7 @@ def solve_dose(
     target: Target,
     process: ProcessParameters,
     mask: NDArray[np.bool_],
+    exposed: NDArray[np.bool_],
     start: Array | None = None,
     rounds: int = ROUNDS,
     leave: float = 0.0,
@@ -206,6 +207,8 @@ def solve_dose(
         target: Present and wanted surface.
         process: Patch, layer limit, evenness.
         mask: Cells that count, shape (ns, na).
+        exposed: Those of them whose lack counts too: of the others, which no pass can fill, the excess alone,
+            or what is beside them would be sprayed too thick in their stead.
         start: Doses to begin with [m3/m], shape (m,); None for none.
         rounds: Of weighting the excess; without any the doses to begin with are only held within bounds.
         leave: How much thinner than wanted the wall may stay [m].
@@ -246,11 +249,14 @@ def solve_dose(
     weight_of = np.where(mask, 1.0, 0.0)
 
     def excess(u: Array) -> Array:
-        return np.asarray((matrix @ u).reshape(need.shape) - need)
+        miss = (matrix @ u).reshape(need.shape) - need
+        return np.asarray(np.where(exposed, miss, np.maximum(miss, 0.0)))
 
     def gradient(u: Array) -> Array:
         miss = excess(u)
-        pull = back @ (adjoint(weight_of * patches(miss)) + process.dose.fine * mask * miss).ravel()
+        moves = exposed | (miss > 0.0)
+        push = adjoint(weight_of * patches(miss)) + process.dose.fine * mask * miss
+        pull = back @ (moves * push).ravel()
         return np.asarray(share * pull + process.dose.smooth * smoothed(u))
 
     highest = _highest(stretches, lines, target, process) / unit

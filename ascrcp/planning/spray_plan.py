@@ -33,7 +33,7 @@ from ascrcp.planning.wall import find_floor, fit_wall
 Progress = Callable[[float], None]
 ROUGH_ROUNDS = 1  # of weighting the excess, for doses that only tell what wall they build
 RESPRAY_SHARE = 0.35  # of the tolerance: patches thinner than this get a second spraying; placeholder
-RESPRAY_LEAVE = 0.15  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
+RESPRAY_LEAVE = 0.1  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
 
 
 @dataclass(frozen=True)
@@ -228,10 +228,10 @@ class _Sprayed:
         mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
         start, rounds = (None, ROUGH_ROUNDS) if asked is None else (asked[self.stretches.first], 0)
         leave = RESPRAY_LEAVE * process.target.tolerance_m if layout.again else 0.0
-        rough = solve_dose(self.stretches, lines, target, process, mask, start, rounds, leave)
+        rough = solve_dose(self.stretches, lines, target, process, mask, layout.exposed, start, rounds, leave)
         walls = self._walls, build_walls(rough, lines, target)
         stretches = renew_stretches(self.stretches, lines, self._jet, target, walls, process)
-        dose = solve_dose(stretches, lines, target, process, mask, rough.amount, leave=leave)
+        dose = solve_dose(stretches, lines, target, process, mask, layout.exposed, rough.amount, leave=leave)
         speed, flow = choose_speed(dose, lines, process)
         return SprayPlan(lines.to_path(surface, speed, flow), layout, dose)
 

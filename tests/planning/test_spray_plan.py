@@ -7,7 +7,15 @@ from planning_heading import heading
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import apply_transform, inverse_transform
-from ascrcp.planning.dose import build_walls, explain, find_need, find_stretches, held_back, steepness
+from ascrcp.planning.dose import (
+    build_walls,
+    explain,
+    find_need,
+    find_stretches,
+    held_back,
+    solve_dose,
+    steepness,
+)
 from ascrcp.planning.finish import judge_finish
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.learning import learn_rebound
@@ -433,3 +441,18 @@ def test_a_second_spraying_leaves_a_little_and_no_more() -> None:
     again = make(after=target.wanted + lack)
     left = (lack - again.growth)[(lack > 0.0) & again.exposed]
     assert 0.0 < left.mean() < 0.3 * PROCESS.target.tolerance_m
+
+
+def test_what_no_pass_can_fill_is_not_made_up_for_beside_it() -> None:
+    target = PLAN.target
+    strip = np.abs(target.along - 13.0) < 1.0
+    hidden = strip & (np.abs(target.station[:, None] - 11.7) < 0.07) & ~target.arch
+    deep = dataclasses.replace(target, offset=target.wanted + np.where(hidden, 0.4, 0.03))
+    around = strip & (np.abs(target.station[:, None] - 11.7) < 0.25) & ~hidden & ~target.arch
+
+    def excess(exposed: np.ndarray) -> float:
+        dose = solve_dose(PLAN.dose.stretches, PLAN.lines, deep, PROCESS, target.inside, exposed)
+        return float((dose.layer(deep) - 0.03)[around & target.inside].mean())
+
+    assert excess(target.inside & ~hidden) < 0.01
+    assert excess(target.inside) > 0.03, "counted as a lack it is"
