@@ -10,13 +10,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, uniform_filter
 from scipy.sparse import csr_matrix, hstack
 
 from ascrcp.core.geometry import Array
 from ascrcp.planning.coverage import Lines
-from ascrcp.planning.deposition import SLOPE_SIGMA_M, Jet, deposit
+from ascrcp.planning.deposition import Jet, deposit
 from ascrcp.planning.layer import limit_layer
+from ascrcp.planning.misfit import Misfit, descend, steepness
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.target import Left, Target
 
@@ -30,8 +30,6 @@ LEAST_YIELD = 0.3  # a stretch that loses more is not driven harder; placeholder
 MOVED_M = 0.03  # a wall that differs by less gives the same footprint
 MOVED_SHARE = 0.05  # of a footprint that must fall on wall that differs, to reckon it anew
 ROUNDS = 3  # of weighting the excess: the set of patches that have one hardly changes any more
-OVER_SHARE = 0.1  # of the tolerance, beyond which an excess weighs more; placeholder
-WEIGHT_FLOOR = 0.25  # of a patch inside the part to spray: less has no mean worth meeting
 
 
 @dataclass(frozen=True)
@@ -199,7 +197,7 @@ def solve_dose(
     rounds: int = ROUNDS,
     leave: float = 0.0,
 ) -> Dose:
-    """Find the doses that bring the wall nearest to the wanted surface, patch by patch.
+    """Find the doses that bring the wall nearest to the wanted surface, patch by patch (`Misfit`).
 
     Args:
         stretches: Footprints.
@@ -214,120 +212,18 @@ def solve_dose(
         leave: How much thinner than wanted the wall may stay [m].
     """
     unit = process.dose.pass_spacing_m  # a dose of one metre's layer: its width times one metre
-    matrix = stretches.growth * unit
-    back = csr_matrix(matrix.T)
-    need = find_need(target, process)
-    need = need - leave - held_back(target, process) * np.maximum(need, 0.0)
-    cell = target.cell
-    size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
-    # arches and rock are surfaces of their own: an excess on one does not make up for a lack on the other
-    sides = [mask & side for side in (target.arch, ~target.arch)]
-    weights = [
-        np.maximum(uniform_filter(m.astype(float), size, mode="constant"), WEIGHT_FLOOR) for m in sides
-    ]
-    share = cell[0] * cell[1] / (unit * process.dose.point_spacing_m)
-
-    def patches(residual: Array) -> Array:
-        means = np.zeros(residual.shape)
-        for side, weight in zip(sides, weights, strict=True):
-            means += side * uniform_filter(side * residual, size, mode="constant") / weight
-        return means
-
-    def adjoint(values: Array) -> Array:
-        spread = np.zeros(values.shape)
-        for side, weight in zip(sides, weights, strict=True):
-            spread += side * uniform_filter(side * values / weight, size, mode="constant")
-        return spread
-
     joined = np.diff(stretches.first) == 1
     joined &= lines.pass_index[stretches.first[1:]] == lines.pass_index[stretches.first[:-1]]
-
-    def smoothed(u: Array) -> Array:
-        step = np.where(joined, np.diff(u), 0.0)
-        return np.asarray(np.concatenate([[0.0], step]) - np.concatenate([step, [0.0]]))
-
-    weight_of = np.where(mask, 1.0, 0.0)
-
-    def excess(u: Array) -> Array:
-        miss = (matrix @ u).reshape(need.shape) - need
-        return np.asarray(np.where(exposed, miss, np.maximum(miss, 0.0)))
-
-    def gradient(u: Array) -> Array:
-        miss = excess(u)
-        moves = exposed | (miss > 0.0)
-        push = adjoint(weight_of * patches(miss)) + process.dose.fine * mask * miss
-        pull = back @ (moves * push).ravel()
-        return np.asarray(share * pull + process.dose.smooth * smoothed(u))
-
+    misfit = Misfit(csr_matrix(stretches.growth * unit), joined, target, process, mask, exposed, leave)
     highest = _highest(stretches, lines, target, process) / unit
     if start is None:
-        amount = descend(gradient, highest, np.zeros(len(highest)), process.dose.iterations)
+        amount = descend(misfit.slope, highest, np.zeros(len(highest)), process.dose.iterations)
     else:
         amount = np.minimum(start / unit, highest)
     for _ in range(rounds):
-        # too thick weighs more than too thin, for it cannot be taken off
-        over = patches(excess(amount)) > process.target.tolerance_m * OVER_SHARE
-        weight_of = np.where(mask, np.where(over, process.dose.over_weight, 1.0), 0.0)
-        amount = descend(gradient, highest, amount, process.dose.iterations)
+        misfit.weigh_excess(amount)
+        amount = descend(misfit.slope, highest, amount, process.dose.iterations)
     return Dose(stretches, _round_off(amount * unit, process))
-
-
-def find_need(target: Target, process: ProcessParameters) -> Array:
-    """How much each cell lacks [m], shape (ns, na).
-
-    What is too thick cannot be taken off: beyond the tolerance it does not make up for what is too thin
-    beside it.
-    """
-    return np.asarray(np.maximum(target.offset - target.wanted, -process.target.tolerance_m))
-
-
-def held_back(target: Target, process: ProcessParameters) -> Array:
-    """Share of the wanted layer that is not laid, for what is too thick cannot be taken off, shape (ns, na).
-
-    What a flank catches and throws back is known worse the more obliquely the jet meets it: the share
-    grows with the square of the sine of the wall's slope, as the rebound by angle does.
-    """
-    return np.asarray(process.dose.hold_back + process.dose.hold_back_slope * steepness(target))
-
-
-def steepness(target: Target) -> Array:
-    """Compute sin^2 of the rock's slope against the design line, 0 on arches, shape (ns, na)."""
-    ds, da = target.cell
-    rock = np.where(target.arch, target.rock, target.offset)
-    smooth = gaussian_filter(rock, (SLOPE_SIGMA_M / ds, SLOPE_SIGMA_M / da), mode="nearest")
-    by_station, by_along = np.gradient(smooth, ds, da)
-    steep = np.where(target.arch, 0.0, by_station**2 + by_along**2)
-    return np.asarray(steep / (1.0 + steep))
-
-
-def descend(gradient: Callable[[Array], Array], highest: Array, start: Array, iterations: int) -> Array:
-    """Minimise a convex quadratic within 0..highest by an accelerated projected gradient.
-
-    Args:
-        gradient: Its gradient at u (m,).
-        highest: Upper bounds, shape (m,).
-        start: Where to begin, shape (m,).
-        iterations: Steps.
-    """
-    if not len(highest):
-        return highest
-    zero = gradient(np.zeros(len(highest)))
-    probe = np.ones(len(highest))
-    bound = 1.0
-    for _ in range(12):  # power iteration: the largest curvature
-        turned = gradient(probe) - zero
-        bound = float(np.linalg.norm(turned) / np.linalg.norm(probe))
-        probe = turned / np.linalg.norm(turned)
-    u = start
-    ahead, momentum = u, 1.0
-    for _ in range(iterations):
-        step = np.clip(ahead - gradient(ahead) / (1.05 * bound), 0.0, highest)
-        following = (1.0 + np.sqrt(1.0 + 4.0 * momentum**2)) / 2.0
-        if ((step - u) * (ahead - step)).sum() > 0.0:  # restart where the momentum points uphill
-            following = 1.0
-        ahead = step + (momentum - 1.0) / following * (step - u) if following > 1.0 else step
-        u, momentum = step, following
-    return u
 
 
 def _highest(stretches: Stretches, lines: Lines, target: Target, process: ProcessParameters) -> Array:

@@ -18,12 +18,12 @@ from ascrcp.planning.dose import (
     choose_speed,
     explain,
     find_exposed,
-    find_need,
     find_stretches,
     renew_stretches,
     solve_dose,
 )
 from ascrcp.planning.layer import wall_before
+from ascrcp.planning.misfit import find_need
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
 from ascrcp.planning.process import ProcessParameters, ReboundParameters
 from ascrcp.planning.prune import LEAST_M3, keep_dosed

@@ -7,18 +7,11 @@ from planning_heading import heading
 from ascrcp.core.errors import ConfigError, InputError
 from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import apply_transform, inverse_transform
-from ascrcp.planning.dose import (
-    build_walls,
-    explain,
-    find_need,
-    find_stretches,
-    held_back,
-    solve_dose,
-    steepness,
-)
+from ascrcp.planning.dose import build_walls, explain, find_stretches, solve_dose
 from ascrcp.planning.finish import judge_finish
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.learning import learn_rebound
+from ascrcp.planning.misfit import find_need, held_back, steepness
 from ascrcp.planning.parameter import change, load_parameters
 from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow, laid_amount
