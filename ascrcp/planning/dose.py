@@ -209,7 +209,7 @@ def solve_dose(
             or what is beside them would be sprayed too thick in their stead.
         start: Doses to begin with [m3/m], shape (m,); None for none.
         rounds: Of weighting the excess; without any the doses to begin with are only held within bounds.
-        leave: How much thinner than wanted the wall may stay [m].
+        leave: How much thinner than wanted a second spraying may leave the wall [m]; 0 at the first.
     """
     unit = process.dose.pass_spacing_m  # a dose of one metre's layer: its width times one metre
     joined = np.diff(stretches.first) == 1
@@ -221,7 +221,7 @@ def solve_dose(
     else:
         amount = np.minimum(start / unit, highest)
     for _ in range(rounds):
-        misfit.weigh_excess(amount)
+        misfit.weigh(amount)
         amount = descend(misfit.slope, highest, amount, process.dose.iterations)
     return Dose(stretches, _round_off(amount * unit, process))
 

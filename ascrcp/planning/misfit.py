@@ -17,6 +17,7 @@ from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.target import Target
 
 OVER_SHARE = 0.1  # of the tolerance, beyond which an excess weighs more; placeholder
+LACK_SHARE = 0.75  # and beyond which a lack does at a second spraying; placeholder
 WEIGHT_FLOOR = 0.25  # of a patch inside the part to spray: less has no mean worth meeting
 
 
@@ -30,7 +31,7 @@ class Misfit:
         process: Patch, tolerance, weights.
         mask: Cells that count, shape (ns, na).
         exposed: Those whose lack counts too; of the others the excess alone.
-        leave: How much thinner than wanted the wall may stay [m].
+        leave: How much thinner than wanted a second spraying may leave the wall [m]; 0 at the first.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Misfit:
     ) -> None:
         self._matrix, self._back, self._joined = matrix, csr_matrix(matrix.T), joined
         self._process, self._mask, self._exposed = process, mask, exposed
+        self._is_second = leave > 0.0
         need = find_need(target, process)
         self._need = need - leave - held_back(target, process) * np.maximum(need, 0.0)
         cell = target.cell
@@ -55,10 +57,14 @@ class Misfit:
         self._scale = cell[0] * cell[1] / (process.dose.pass_spacing_m * process.dose.point_spacing_m)
         self._weight = np.where(mask, 1.0, 0.0)
 
-    def weigh_excess(self, u: Array) -> None:
-        """Let what is too thick at these doses weigh more than what is too thin: it cannot be taken off."""
-        over = self._patches(self._miss(u)) > self._process.target.tolerance_m * OVER_SHARE
-        self._weight = np.where(self._mask, np.where(over, self._process.dose.over_weight, 1.0), 0.0)
+    def weigh(self, u: Array) -> None:
+        """Let patches weigh more that get too thick at these doses, for that cannot be taken off.
+
+        At a second spraying, which none need follow, those too that stay too thin.
+        """
+        miss = self._patches(self._miss(u)) / self._process.target.tolerance_m
+        bad = (miss > OVER_SHARE) | (self._is_second & (miss < -LACK_SHARE))
+        self._weight = np.where(self._mask, np.where(bad, self._process.dose.over_weight, 1.0), 0.0)
 
     def slope(self, u: Array) -> Array:
         """Compute the slope at doses u, both shape (m,)."""
