@@ -75,7 +75,10 @@ class Site:
         return project(Scan(ranges, config.beam, pan, q), mount)
 
     def scan_again(self, heading: Heading, obstacles: Obstacles) -> NDArray[np.float32]:
-        """Scan as the job does after spraying: from the zero pose, and from further in if there is room."""
+        """Scan after spraying from the zero pose, and from further in if there is room.
+
+        The job's poses besides are measured, its arm sags and its scans are thinned and registered.
+        """
         pose = find_look_pose(self.arm, obstacles, self.surface)
         clouds = [self.scan(heading, 1).points]
         if pose is not None:

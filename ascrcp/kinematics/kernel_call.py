@@ -4,8 +4,8 @@ import ctypes
 import gc
 import os
 import sys
-import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
@@ -73,11 +73,10 @@ def by_halves(call: Callable[..., Any], *rows: NDArray[Any], many: int = MANY) -
     half = len(rows[0]) // 2
     if 2 * half < many:
         return call(*rows)
-    later: list[Any] = []
-    beside = threading.Thread(target=lambda: later.append(call(*(each[half:] for each in rows))))
-    beside.start()
-    first = call(*(each[:half] for each in rows))
-    beside.join()
+    with ThreadPoolExecutor(1) as beside:
+        later = beside.submit(call, *(each[half:] for each in rows))
+        first = call(*(each[:half] for each in rows))
+        second = later.result()
     if isinstance(first, tuple):
-        return tuple(np.concatenate(pair) for pair in zip(first, later[0], strict=True))
-    return np.concatenate([first, later[0]])
+        return tuple(np.concatenate(pair) for pair in zip(first, second, strict=True))
+    return np.concatenate([first, second])

@@ -51,7 +51,7 @@ def _look_behind(desk: Desk, place: Round) -> None:
         share=(0.0, 0.0),
     )
     if pose is None:
-        session.announce("No room to look behind the arches.", "空间不足，未扫描拱架背侧。")
+        session.announce("Scanned from the scan pose alone.", "仅从扫描位姿扫描。")
         return
     session.stage("Scanning behind the arches", "正在扫描拱架背侧")
     job.move_to(desk, pose)

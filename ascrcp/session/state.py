@@ -28,8 +28,8 @@ class Step(Enum):
 
     @property
     def moves(self) -> bool:
-        """Whether the arm moves in this step."""
-        return self in (Step.ZERO, Step.GO_TO_START, Step.RUN)
+        """Whether the arm may move in this step; a further scan looks from a second pose too."""
+        return self in (Step.ZERO, Step.GO_TO_START, Step.RUN, Step.RESCAN)
 
 
 STEPS = (Step.ZERO, Step.RECOGNISE, Step.LOAD, Step.GO_TO_START, Step.RUN)
@@ -42,7 +42,7 @@ _TAKES_BACK = {
     Step.LOAD: {Step.LOAD, Step.GO_TO_START, Step.RUN},
     Step.GO_TO_START: {Step.ZERO, Step.GO_TO_START, Step.RUN},
     Step.RUN: {Step.GO_TO_START, Step.RUN, Step.RESCAN},
-    Step.RESCAN: {Step.RESCAN, Step.LOAD, Step.GO_TO_START, Step.RUN},
+    Step.RESCAN: {Step.ZERO, Step.RESCAN, Step.LOAD, Step.GO_TO_START, Step.RUN},
 }
 _NEEDS = {
     Step.RECOGNISE: Step.ZERO,
@@ -155,7 +155,8 @@ def finish(state: JobState, finding: Finding = Finding.MEASURED) -> JobState:
     step = state.active
     if step is None:
         return state
-    over = replace(state, active=None, done=state.done | {step}, sprayed=state.sprayed or step is Step.RUN)
+    now = {step, Step.ZERO} if step is Step.RESCAN else {step}  # the look ends where it began
+    over = replace(state, active=None, done=state.done | now, sprayed=state.sprayed or step is Step.RUN)
     if step is not Step.RESCAN or finding is Finding.MEASURED:
         return over
     return replace(over, sprayed=False, covered=finding is Finding.COVERED)

@@ -339,7 +339,7 @@ def test_a_scan_of_the_sprayed_wall_teaches_the_rebound(rebound: dict[str, float
 
 
 def test_a_rebound_believed_near_its_bound_is_learned_from_below() -> None:
-    believed = change(PROCESS.rebound, angle=0.88)
+    believed = change(PROCESS.rebound, angle=0.9)
     layout = dataclasses.replace(PLAN.layout, rebound=believed)
     sequence, after = sprayed({})
     found = learn_rebound(layout, SURFACE, sequence, after, PROCESS)

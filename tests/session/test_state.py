@@ -185,3 +185,14 @@ def test_a_jog_needs_rest_a_reset_and_a_joystick_and_takes_the_start_back() -> N
     over = end_jog(jogging)
     assert refusal(over, Step.RUN) is Refusal.NEEDS_GO_TO_START
     assert refusal(over, Step.RECOGNISE) is Refusal.NEEDS_ZERO
+
+
+def test_a_further_scan_given_up_leaves_the_arm_anywhere_but_one_finished_at_the_scan_pose() -> None:
+    job = READY
+    for step in STEPS:
+        job = do(job, step)
+    job = start(do(job, Step.ZERO), Step.RESCAN)
+    for given_up in (abandon(job), reset(stop(job))):
+        assert refusal(given_up, Step.RESCAN) is Refusal.NEEDS_ZERO
+        assert refusal(given_up, Step.RECOGNISE) is Refusal.NEEDS_ZERO
+    assert Step.RESCAN.moves and refusal(finish(job), Step.RESCAN) is None
