@@ -4,7 +4,6 @@ A further scan has a folder of its own inside the round. Its surface is the head
 frame of the first scan, so that solving, loading and moving work on that folder as on any round.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -12,11 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ascrcp.core.errors import NothingToSprayError, RecognitionError
-from ascrcp.core.flow import SprayPath
+from ascrcp.core.flow import Label, SprayPath, Surface
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.kinematics.arm import load_arm
 from ascrcp.kinematics.look import find_look_pose
-from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.perception.crop import crop
 from ascrcp.perception.parameter import PerceptionParameters
 from ascrcp.perception.registration import register
@@ -41,42 +39,27 @@ from ascrcp.session.store import (
     write_json,
     write_surface,
 )
+from ascrcp.session.surroundings import find_obstacles
 
 _GRIDS = ("after", "layer", "finish")
+_WALL = (Label.SPRAYED, Label.BAY, Label.ARCH, Label.OVERBREAK, Label.FACE)
 
 
 def look_pose(
-    folder: Path,
-    first: Path,
-    machine: str,
-    config: PlanningParameters,
-    perception: PerceptionParameters,
-    payload_kg: float,
-    progress: Progress = quiet,
+    folder: Path, machine: str, config: PlanningParameters, progress: Progress = quiet
 ) -> Array | None:
-    """scan.npz of a further scan -> where the lidar looks behind arches (`find_look_pose`), None if nowhere.
-
-    What stands in the heading by now keeps the lance back, not what stood there at the first scan.
+    """surface.npz of a further scan -> where the lidar looks behind arches (`find_look_pose`) or None.
 
     Args:
-        folder: Folder of the further scan.
-        first: Round folder of the first.
+        folder: Folder of the further scan, measured: the wall and what stands before it as they are now.
         machine: Machine name or YAML.
         config: Whether bodies count.
-        perception: For thinning the cloud.
-        payload_kg: Concrete in the hose while scanning [kg].
         progress: Called with the fraction done.
     """
-    arm, before = load_arm(machine), Round(first)
-    if arm.description.clearance is None:
-        return None
-    surface, scan = read_surface(before.need("surface", "recognise")), read_scan(Round(folder).scan)
-    points = project_scan(scan, machine, payload_kg, {}).points
-    points = voxel(crop(points, surface.profile, perception.crop), perception.voxel)
-    now = replace(surface, points=points, labels=carry_labels(points, surface))
-    progress(0.5)
-    around = Obstacles.from_surface(now, arm, scan.q, bodies=config.solve.bodies)
-    return find_look_pose(arm, around, surface)
+    round_, arm = Round(folder), load_arm(machine)
+    around = find_obstacles(round_, arm, config)
+    progress(0.9)
+    return None if around is None else find_look_pose(arm, around, read_surface(round_.surface))
 
 
 def measure(
@@ -114,7 +97,7 @@ def measure(
     if round_.look.exists():
         look = project_scan(read_scan(round_.look), machine, payload_kg, {}).points
         look = voxel(crop(look, surface.profile, perception.crop), perception.voxel)
-        behind = _lay_over(points, look, notes)
+        behind = _lay_over(points, look, surface, notes)
     progress(0.3)
     layout = read_layout(before.plan, surface)[0] if before.plan.exists() else None
     expected = None if sprayed is None else find_expected(Round(sprayed), surface)
@@ -131,20 +114,27 @@ def measure(
 
 
 def _lay_over(
-    points: NDArray[np.float32], look: NDArray[np.float32], notes: dict[str, object]
+    points: NDArray[np.float32],
+    look: NDArray[np.float32],
+    surface: Surface,
+    notes: dict[str, object],
 ) -> NDArray[np.float32] | None:
     """Lay the scan from further in over the one of the same wall: the boom sags otherwise when drawn out.
 
     Args:
         points: The scan from the scan pose, base frame [m], shape (n, 3).
         look: The one from further in, shape (k, 3).
+        surface: The heading as recognised: tells what is wall, for people and the arm itself move.
         notes: Filled with how well they fit.
 
     Returns:
         The second moved onto the first, shape (k, 3); None if they do not show the same wall.
     """
+    on_wall = [cloud[np.isin(carry_labels(cloud, surface), _WALL)] for cloud in (points, look)]
     try:
-        found = register(points, look, load_survey().registration)
+        found = register(on_wall[0], on_wall[1], load_survey().registration)
+        if not found.converged:
+            raise RecognitionError("registration: the two sweeps did not settle on one another")
     except RecognitionError as error:
         notes["look"] = {"residual_mm": None, "reason": str(error)}
         return None

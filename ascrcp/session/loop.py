@@ -38,45 +38,55 @@ def scan_again(desk: Desk) -> None:
 
 
 def _look_behind(desk: Desk, place: Round) -> None:
-    """Scan once more from further in, where the lidar sees what arches and rims hid, if the way is clear."""
+    """Scan once more from further in, where the lidar sees what arches and rims hid, if the way is clear.
+
+    Of what is in the way the sweep just made tells, not the scan before the spraying.
+    """
     session, setup = desk.session, desk.session.setup
+    _lay_on(desk, place)
+    desk.around = place
     pose = session.run_compute(
-        Remote.LOOK_POSE,
-        place.folder,
-        session.round.folder,
-        setup.machine,
-        setup.planning,
-        setup.perception,
-        setup.payload_kg,
-        share=(0.0, 0.0),
+        Remote.LOOK_POSE, place.folder, setup.machine, setup.planning, share=(0.0, 0.0)
     )
     if pose is None:
         session.announce("Scanned from the scan pose alone.", "仅从扫描位姿扫描。")
         return
     session.stage("Scanning behind the arches", "正在扫描拱架背侧")
-    job.move_to(desk, pose)
+    try:
+        job.move_to(desk, pose)
+    except UnreachableError as error:
+        session.announce(
+            f"Scanned from the scan pose alone: {error}", f"仅从扫描位姿扫描：{say_chinese(error)}"
+        )
+        return
     job.scan_heading(session, place.look)
     job.move_to(desk, session.arm.zero_pose)
 
 
+def _lay_on(desk: Desk, place: Round, share: tuple[float, float] = (0.0, 0.0)) -> Measured:
+    """Measure what the sweeps so far show, and keep the wall as it is now in their folder."""
+    session, setup = desk.session, desk.session.setup
+    found: Measured = session.run_compute(
+        Remote.MEASURE,
+        place.folder,
+        session.round.folder,
+        _driven(desk),
+        setup.machine,
+        setup.planning,
+        setup.perception,
+        setup.payload_kg,
+        share=share,
+    )
+    return found
+
+
 def _measure(desk: Desk, place: Round) -> None:
     """Measure the layer achieved so far."""
-    session, setup = desk.session, desk.session.setup
+    session = desk.session
     session.stage("Measuring the layer", "正在测量喷层厚度", 0.25)
     with session.stopwatch("measure"):
-        found: Measured = session.run_compute(
-            Remote.MEASURE,
-            place.folder,
-            session.round.folder,
-            _driven(desk),
-            setup.machine,
-            setup.planning,
-            setup.perception,
-            setup.payload_kg,
-            share=(0.25, 0.5),
-        )
+        found = _lay_on(desk, place, (0.25, 0.5))
     session.round.keep_rescan(place)
-    desk.around = place
     session.show(surface=found.surface, achieved=found.layer)
     figures = dict(found.layer.figures)
     desk.achieved = [*desk.achieved, {"folder": place.folder.name, **figures}]

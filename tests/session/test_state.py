@@ -142,10 +142,10 @@ def test_a_covered_wall_is_offered_nothing_more_until_the_next_heading() -> None
 
 def test_a_scan_that_failed_or_only_measured_may_be_repeated() -> None:
     job = start(do(sprayed(), Step.ZERO), Step.RESCAN)
-    assert refusal(abandon(job), Step.RESCAN) is None
+    assert refusal(do(abandon(job), Step.ZERO), Step.RESCAN) is None
     assert refusal(finish(job, Finding.MEASURED), Step.RESCAN) is None
     halted = reset(stop(job))
-    assert refusal(halted, Step.RESCAN) is None
+    assert refusal(do(halted, Step.ZERO), Step.RESCAN) is None
 
 
 def test_a_new_heading_has_not_been_sprayed() -> None:
