@@ -46,7 +46,10 @@ def whole(*arguments: Any) -> Callable[[Function], Function]:
         function.__qualname__ = f"{function.__name__}_{_digest()}"
         try:
             made = _njit([arguments], cache=True)(function)
-        except RuntimeError:  # neither place may be written: every process compiles for itself
+        except RuntimeError as error:
+            if "no locator" not in str(error):
+                raise
+            # neither place may be written: every process compiles for itself
             made = _njit([arguments])(function)
         return made
 

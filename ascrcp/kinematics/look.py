@@ -21,8 +21,8 @@ def find_look_pose(arm: Arm, obstacles: Obstacles, surface: Surface) -> Array | 
 
     Args:
         arm: An arm with a clearance model, its lidar behind a telescope.
-        obstacles: What the first scan saw.
-        surface: The same, recognised: where the part to be sprayed lies.
+        obstacles: What the newest scan saw.
+        surface: The heading, recognised: where the part to be sprayed lies.
 
     Returns:
         The posture [rad, m], shape (joints,); None if it would lie too near to the scan pose, or if the

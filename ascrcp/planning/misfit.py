@@ -1,7 +1,8 @@
 """How far doses leave the wall from the wanted surface, and how that changes with them: what they minimise.
 
-The growth of the wall is linear in the doses, so the misfit, averaged over patches and over single cells,
-is a quadratic: its slope is all that a projected gradient needs.
+The growth of the wall is linear in the doses, so the misfit, averaged over patches and over single cells, is
+a quadratic, but for cells of which the excess alone counts: there it has a bend. Its slope is all that a
+projected gradient needs.
 """
 
 from collections.abc import Callable
@@ -128,7 +129,7 @@ def steepness(target: Target) -> Array:
 
 
 def descend(gradient: Callable[[Array], Array], highest: Array, start: Array, iterations: int) -> Array:
-    """Minimise a convex quadratic within 0..highest by an accelerated projected gradient.
+    """Minimise what is nearly a convex quadratic within 0..highest by an accelerated projected gradient.
 
     Args:
         gradient: Its gradient at u (m,).
