@@ -20,6 +20,8 @@ from ascrcp.planning.target import Target
 from ascrcp.planning.wall import Wall
 
 FLOOR_SPARE_M = 1e-6  # a nozzle turned up to the lowest height must not fall below it by rounding
+BESIDE_ARCH_M = 0.06  # from a flange to the nearest passes in deep places; nearer, half the jet meets it; placeholder
+TWIN_DEG = 2.0  # of theta2: passes over one line aimed less apart lay the same; placeholder
 LEAST_PASS_M = 0.30  # a shorter pass of a further layer is left to the last layer; one patch
 
 
@@ -142,6 +144,16 @@ class Coverage:
         room = stations[-1] - stations[0]
         return (stations - stations[0]) / room if room > 0.0 else np.array([0.5])
 
+    def _beside_arches(self, bay: int) -> Array:
+        """Places of passes close beside the arches that end a bay, outside 0..1; none in a narrow bay."""
+        ends, edge = self._surface.bays[bay], self._parameters.edge_distance_m
+        room = ends.station[1] - ends.station[0] - 2.0 * edge
+        if room < self._process.dose.pass_spacing_m:
+            return np.zeros(0)
+        beyond = (edge - min(BESIDE_ARCH_M, edge)) / room
+        before, after = ends.arch_before is not None, ends.arch_after is not None
+        return np.array([-beyond] * before + [1.0 + beyond] * after)
+
     def _deep(self, bay: int) -> list[_Pass]:
         """Lay the further layers of a bay, part by part, deepest first (thesis 3.3.4)."""
         inside = self._bay_cells(bay) & self._where
@@ -183,16 +195,18 @@ class Coverage:
 
         The layers of a deep place are aimed as the bay is and at its flanks in turn, every second one midway
         between the lines of the others: from the near stand-off of such places one layer's passes leave
-        ridges, a sixth of the layer high, that would add up to centimetres. A second spraying is
-        laid twice as densely, square, as the bay and at the flanks, for the doses to choose from: what is
-        still thin is mostly where the first could not aim.
+        ridges, a sixth of the layer high, that would add up to centimetres; nearest to arches these reach
+        the foot of a pocket's wall past the flange. A second spraying is laid twice as densely, square, as
+        the bay and at the flanks, for the doses to choose from: what is still thin is mostly where the first
+        could not aim.
         """
         target = self._target
         fractions = self._fractions(bay)
+        midway = np.concatenate([(fractions[1:] + fractions[:-1]) / 2.0, self._beside_arches(bay)])
         if self._again:
-            fractions = np.sort(np.concatenate([fractions, (fractions[1:] + fractions[:-1]) / 2.0]))
-        elif layer > 1 and layer % 2 == 0 and len(fractions) > 1:
-            fractions = (fractions[1:] + fractions[:-1]) / 2.0
+            fractions = np.sort(np.concatenate([fractions, midway]))
+        elif layer > 1 and layer % 2 == 0 and len(midway):
+            fractions = np.sort(midway)
         sides: tuple[list[_Pass], list[_Pass]] = ([], [])
         for fraction in fractions.tolist():
             strip = Strip(bay, fraction, (0.0, 0.0), False, self._tilt(bay, fraction), layer > 1)
@@ -292,6 +306,8 @@ class Coverage:
             point = np.column_stack([station, self._surface.profile.point(along, lid.inner)])
         limit = 0.0 if one.arch is not None else np.radians(p.normal_limit_deg)
         theta2 = self._theta2(one, station, along)
+        if self._again and one.flank and np.abs(theta2 - np.radians(p.tilt_deg)).max() < np.radians(TWIN_DEG):
+            return None  # the square pass over the same line does
         theta3 = self._keep_side(spray_angle(wall.normal(station, along, limit)), one.beyond_seam)
         theta3, stand_off = self._keep_off_floor(point, theta2, theta3, self._stand_off(one))
         direction = spray_direction(theta2, theta3)

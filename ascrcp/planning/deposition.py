@@ -18,7 +18,8 @@ from ascrcp.planning.process import ProcessParameters, ReboundParameters, SprayP
 from ascrcp.planning.target import ArchLid, Target
 
 WINDOW = 1.6  # half width of the window of cells looked at, in footprint radii: tilt and stand-off included
-SLOPE_SIGMA_M = 0.10  # one sigma over which the wall's slope is taken: steeper rims are edges, not slopes
+SLOPE_SIGMA_M = 0.10  # one sigma of the slope that tells the rebound: steeper rims are edges, not slopes
+CATCH_SIGMA_M = 0.03  # and of the slope that tells what a cell catches of the jet: half a cell
 MAX_REBOUND = 0.9
 LEAST_DEPTH_M = 0.05  # before the nozzle: nearer cells count as so far
 
@@ -73,7 +74,8 @@ class _Cells:
 
     point: Array  # (cells, 3)
     outward: Array  # outward normal of the design line, y and z, (cells, 2)
-    slope: Array  # of the offset along the axis and along the arc, (cells, 2)
+    slope: Array  # of the offset along the axis and along the arc, as the rebound knows it, (cells, 2)
+    facing: Array  # the same as it catches the jet, (cells, 2)
     offset: Array
     arch: NDArray[np.bool_]
     stretch: Array
@@ -116,17 +118,23 @@ def _prepare(target: Target, offset: Array) -> _Cells:
     profile = target.profile
     station = np.repeat(target.station, len(target.along))
     flat = offset.ravel()
-    ds, da = target.cell
-    rock = np.where(target.arch, target.rock, offset)
-    smooth = gaussian_filter(rock, (SLOPE_SIGMA_M / ds, SLOPE_SIGMA_M / da), mode="nearest")
-    by_station, by_along = np.gradient(smooth, ds, da)
-    slope = np.column_stack([by_station.ravel(), by_along.ravel()])
-    slope[target.arch.ravel()] = 0.0
+    slope, facing = (wall_slope(target, offset, sigma) for sigma in (SLOPE_SIGMA_M, CATCH_SIGMA_M))
     normal = np.tile(profile.normal(target.along), (len(target.station), 1))
     on_line = np.tile(profile.point(target.along), (len(target.station), 1))
     point = np.column_stack([station, on_line + flat[:, None] * normal])
     bend = np.tile(curvature(profile, target.along), len(target.station))
-    return _Cells(point, normal, slope, flat, target.arch.ravel(), 1.0 + bend * flat)
+    return _Cells(point, normal, slope, facing, flat, target.arch.ravel(), 1.0 + bend * flat)
+
+
+def wall_slope(target: Target, offset: Array, sigma: float) -> Array:
+    """Compute the slope of the smoothed rock along axis and arc, 0 on arches, shape (cells, 2)."""
+    ds, da = target.cell
+    rock = np.where(target.arch, target.rock, offset)
+    smooth = gaussian_filter(rock, (sigma / ds, sigma / da), mode="nearest")
+    by_station, by_along = np.gradient(smooth, ds, da)
+    slope = np.column_stack([by_station.ravel(), by_along.ravel()])
+    slope[target.arch.ravel()] = 0.0
+    return slope
 
 
 def _aim(jet: Jet, target: Target, offset: Array) -> tuple[NDArray[np.int64], NDArray[np.int64], Array]:
@@ -177,12 +185,17 @@ def _growth(
     radial = (view[:, 1:] * outward).sum(axis=1)
     around = view[:, 1] * outward[:, 1] - view[:, 2] * outward[:, 0]  # toward rising section angle
     slope, stretch = cells.slope[index], cells.stretch[index]
-    # (v . n) / (n . e_r): what the cell catches, per area of the design surface
-    catch = np.maximum(radial - slope[:, 0] * view[:, 0] - slope[:, 1] / stretch * around, 0.0)
+
+    def caught(slope: Array) -> Array:
+        """(v . n) / (n . e_r): what a cell of this slope catches, per area of the design surface."""
+        by_arc = slope[:, 1] / stretch * around
+        return np.asarray(np.maximum(radial - slope[:, 0] * view[:, 0] - by_arc, 0.0))
+
     distance = np.linalg.norm(view, axis=1)
     size = np.sqrt(1.0 + slope[:, 0] ** 2 + (slope[:, 1] / stretch) ** 2)
-    lost = rebound(outward[:, 1], catch / (size * distance), distance, process.rebound)
-    return np.asarray((1.0 - lost) * density * catch / depth**3)
+    square = caught(slope) / (size * distance)
+    lost = rebound(outward[:, 1], square, distance, process.rebound)
+    return np.asarray((1.0 - lost) * density * caught(cells.facing[index]) / depth**3)
 
 
 def _is_shaded(

@@ -6,7 +6,7 @@ Patches alone would allow any pattern whose mean over a patch is right, so singl
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,58 +115,50 @@ def _lay_out(
     return sum(each[1:], start=each[0]) * (1.0 / len(SAMPLES))
 
 
-def build_walls(dose: Dose, lines: Lines, target: Target) -> dict[int, Array]:
-    """The wall as the doses themselves build it, half way through each layer [m], (ns, na) each.
-
-    Flanks take less of a layer than the bottom of a pocket: what comes after meets them steeper than if
-    every layer filled its share everywhere, and more of it is thrown back.
-    """
-    layer_of = lines.layer[dose.stretches.first]
-    walls, built = {}, np.zeros(target.offset.shape)
-    for layer in np.unique(layer_of)[::-1].tolist():
-        amount = np.where(layer_of == layer, dose.amount, 0.0)
-        added = (dose.stretches.growth @ amount).reshape(built.shape)
-        walls[layer] = np.where(target.arch, target.offset, target.offset - built - added / 2.0)
-        built += added
-    return walls
-
-
 def renew_stretches(
     stretches: Stretches,
+    amount: Array,
     lines: Lines,
     jet: Jet,
     target: Target,
-    walls: tuple[dict[int, Array], dict[int, Array]],
+    walls: dict[int, Array],
     process: ProcessParameters,
 ) -> Stretches:
-    """Reckon anew the footprints that fall where the wall is not what they were reckoned on.
+    """Reckon anew, pass after pass, the footprints that fall where the doses build another wall.
+
+    Flanks take less of a layer than the bottom of a pocket: what comes after meets them steeper than if
+    every layer filled its share everywhere, and more of it is thrown back.
 
     Args:
         stretches: As reckoned.
+        amount: Doses by which the wall grows [m3/m], shape (m,).
         lines: The points, for pass and layer.
         jet: The points as they will be driven, shape of lines.
-        target: Grid.
-        walls: By layer, as they were taken for and as they are.
+        target: Grid, and the wall before all of them.
+        walls: The wall each layer was reckoned on, by layer [m], shape (ns, na) each.
         process: Jet and rebound.
     """
     if not len(stretches.first):
         return stretches
-    layer_of = lines.layer[stretches.first]
-    parts, order = [], []
-    columns = stretches.growth.tocsc()
-    for layer in np.unique(layer_of).tolist():
-        mine = np.flatnonzero(layer_of == layer)
-        moved = (np.abs(walls[1][layer] - walls[0][layer]) > MOVED_M).astype(float).ravel()
-        growth = columns[:, mine]
+    number = lines.pass_index[stretches.first]
+    begin = np.flatnonzero(np.diff(number, prepend=-1)).tolist()
+    columns, parts = stretches.growth.tocsc(), []
+    built = np.zeros(target.offset.size)
+    for first, last in zip(begin, [*begin[1:], len(number)], strict=True):
+        growth, mine = columns[:, first:last], amount[first:last]
+        layer = (built + growth @ mine / 2.0).reshape(target.offset.shape)  # as it stands half way
+        wall = np.where(target.arch, target.offset, target.offset - layer)
+        before = walls[int(lines.layer[stretches.first[first]])]
+        moved = (np.abs(wall - before) > MOVED_M).astype(float).ravel()
         hit = np.asarray(growth.T @ moved) > MOVED_SHARE * np.asarray(growth.sum(axis=0)).ravel()
-        parts.append(growth[:, ~hit])
-        order.append(mine[~hit])
         if hit.any():
-            again = _lay_out(jet, stretches.first[mine[hit]], target, walls[1][layer], process)
-            parts.append(again.multiply(stretches.length[mine[hit]][None, :]).tocsc())
-            order.append(mine[hit])
-    growth = hstack(parts).tocsc()[:, np.argsort(np.concatenate(order))]
-    return Stretches(stretches.first, stretches.length, csr_matrix(growth))
+            rows = first + np.flatnonzero(hit)
+            again = _lay_out(jet, stretches.first[rows], target, wall, process)
+            again = again.multiply(stretches.length[rows][None, :]).tocsc()
+            growth = hstack([growth[:, ~hit], again]).tocsc()[:, np.argsort(np.argsort(hit, kind="stable"))]
+        parts.append(growth)
+        built += growth @ mine
+    return replace(stretches, growth=csr_matrix(hstack(parts)))
 
 
 def _between(jet: Jet, first: NDArray[np.int64], share: float) -> Jet:

@@ -10,7 +10,7 @@ import numpy as np
 from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import Array, apply_transform, inverse_transform
 from ascrcp.planning.deposition import Jet
-from ascrcp.planning.dose import Dose, build_walls, find_stretches
+from ascrcp.planning.dose import Dose, find_stretches, renew_stretches
 from ascrcp.planning.parameter import change
 from ascrcp.planning.process import ProcessParameters, ReboundParameters
 from ascrcp.planning.pump import laid_amount
@@ -54,14 +54,15 @@ def learn_rebound(
     jet.position[points] = apply_transform(T, sequence.position[rows])
     jet.direction[points] = sequence.direction[rows] @ T[:3, :3].T
 
-    def lay(walls: dict[int, Array], rebound: ReboundParameters) -> Dose:
+    walls = walls_before(lines, target, layout.layers)
+
+    def lay(rebound: ReboundParameters) -> Dose:
         bent = change(process, rebound=rebound)
         stretches = find_stretches(lines, jet, reached, target, walls, bent)
-        first, length = stretches.first, stretches.length
-        return Dose(stretches, laid_amount(sequence, first, length, len(lines.along), process.spray))
+        amount = laid_amount(sequence, stretches.first, stretches.length, len(lines.along), process.spray)
+        return Dose(renew_stretches(stretches, amount, lines, jet, target, walls, bent), amount)
 
     believed = layout.rebound
-    walls = build_walls(lay(walls_before(lines, target, layout.layers), believed), lines, target)
     seen = np.isfinite(after) & target.inside
     stride = max(1, round(process.target.patch_m / max(target.cell)))
 
@@ -69,14 +70,14 @@ def learn_rebound(
         mean = mean_patch(np.where(seen, layer, 0.0), seen, target.cell, process.target.patch_m)
         return mean[::stride, ::stride].ravel()
 
-    expected = patches(lay(walls, believed).layer(target))
+    expected = patches(lay(believed).layer(target))
     found = patches(np.where(seen, target.offset - after, 0.0))
     by_parameter = []
     for name in BELIEF:
         value = getattr(believed, name)
         step = STEP if value + STEP <= MOST else -STEP
         other = change(believed, **{name: value + step})
-        by_parameter.append((patches(lay(walls, other).layer(target)) - expected) / step)
+        by_parameter.append((patches(lay(other).layer(target)) - expected) / step)
     sigma = np.array(list(BELIEF.values()))
     with np.errstate(invalid="ignore"):
         counts = (expected > LEAST_M) & (found > TAKEN_SHARE * expected)

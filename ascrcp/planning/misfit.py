@@ -9,16 +9,17 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter, uniform_filter
+from scipy.ndimage import uniform_filter
 from scipy.sparse import csr_matrix
 
 from ascrcp.core.geometry import Array
-from ascrcp.planning.deposition import SLOPE_SIGMA_M
+from ascrcp.planning.deposition import SLOPE_SIGMA_M, wall_slope
 from ascrcp.planning.process import ProcessParameters
 from ascrcp.planning.target import Target
 
 OVER_SHARE = 0.1  # of the tolerance, beyond which an excess weighs more; placeholder
-LACK_SHARE = 0.75  # and beyond which a lack does at a second spraying; placeholder
+LACK_SHARE = 0.5  # and beyond which a lack does at a second spraying; placeholder
+HOPELESS_SHARE = 3.0  # of the tolerance: a lack that is left beyond it pulls no harder; placeholder
 WEIGHT_FLOOR = 0.25  # of a patch inside the part to spray: less has no mean worth meeting
 
 
@@ -49,7 +50,8 @@ class Misfit:
         self._process, self._mask, self._exposed = process, mask, exposed
         self._is_second = leave > 0.0
         need = find_need(target, process)
-        self._need = need - leave - held_back(target, process) * np.maximum(need, 0.0)
+        held = process.dose.hold_back if self._is_second else held_back(target, process)
+        self._need = need - leave - held * np.maximum(need, 0.0)
         cell = target.cell
         self._size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
         # arches and rock are surfaces of their own: an excess on one does not make up for a lack on the other
@@ -57,21 +59,26 @@ class Misfit:
         self._shares = [np.maximum(self._mean(side.astype(float)), WEIGHT_FLOOR) for side in self._sides]
         self._scale = cell[0] * cell[1] / (process.dose.pass_spacing_m * process.dose.point_spacing_m)
         self._weight = np.where(mask, 1.0, 0.0)
+        self._fine = process.dose.fine * self._weight
 
     def weigh(self, u: Array) -> None:
         """Let patches weigh more that get too thick at these doses, for that cannot be taken off.
 
-        At a second spraying, which none need follow, those too that stay too thin.
+        At a second spraying, which none need follow, those too that stay too thin. But what stays far too
+        thin is out of the jets' reach: its pull grows no further, or all about it would get too thick for it.
         """
-        miss = self._patches(self._miss(u)) / self._process.target.tolerance_m
-        bad = (miss > OVER_SHARE) | (self._is_second & (miss < -LACK_SHARE))
-        self._weight = np.where(self._mask, np.where(bad, self._process.dose.over_weight, 1.0), 0.0)
+        dose, cells = self._process.dose, self._miss(u)
+        tolerance, patches = self._process.target.tolerance_m, self._patches(cells)
+        bad = (patches > OVER_SHARE * tolerance) | (self._is_second & (patches < -LACK_SHARE * tolerance))
+        most = HOPELESS_SHARE * tolerance
+        self._weight = self._mask * np.where(bad, dose.over_weight, 1.0) * _within(most, -patches)
+        self._fine = self._mask * dose.fine * _within(most, -cells)
 
     def slope(self, u: Array) -> Array:
         """Compute the slope at doses u, both shape (m,)."""
         miss, dose = self._miss(u), self._process.dose
         moves = self._exposed | (miss > 0.0)
-        push = self._spread(self._weight * self._patches(miss)) + dose.fine * self._mask * miss
+        push = self._spread(self._weight * self._patches(miss)) + self._fine * miss
         pull = self._back @ (moves * push).ravel()
         step = np.where(self._joined, np.diff(u), 0.0)
         uneven = np.concatenate([[0.0], step]) - np.concatenate([step, [0.0]])
@@ -109,22 +116,26 @@ def find_need(target: Target, process: ProcessParameters) -> Array:
     return np.asarray(np.maximum(target.offset - target.wanted, -process.target.tolerance_m))
 
 
-def held_back(target: Target, process: ProcessParameters) -> Array:
-    """Share of the wanted layer that is not laid, for what is too thick cannot be taken off, shape (ns, na).
+def _within(most: float, lack: Array) -> Array:
+    """Weights with which a quadratic's pull grows to a lack and no further, 1 below it."""
+    return np.asarray(most / np.maximum(lack, most))
 
-    What a flank catches and throws back is known worse the more obliquely the jet meets it: the share
-    grows with the square of the sine of the wall's slope, as the rebound by angle does.
+
+def held_back(target: Target, process: ProcessParameters) -> Array:
+    """Share of the wanted layer that a first spraying does not lay, shape (ns, na).
+
+    What is too thick cannot be taken off. What a flank catches and throws back is known worse the more
+    obliquely the jet meets it: the share grows with the square of the sine of the wall's slope, as the
+    rebound by angle does. How deep the wall is that no scan saw is a guess. A second spraying knows better.
     """
-    return np.asarray(process.dose.hold_back + process.dose.hold_back_slope * steepness(target))
+    dose = process.dose
+    slopes, guesses = dose.hold_back_slope * steepness(target), dose.hold_back_guess * target.guessed
+    return np.asarray(dose.hold_back + slopes + guesses)
 
 
 def steepness(target: Target) -> Array:
     """Compute sin^2 of the rock's slope against the design line, 0 on arches, shape (ns, na)."""
-    ds, da = target.cell
-    rock = np.where(target.arch, target.rock, target.offset)
-    smooth = gaussian_filter(rock, (SLOPE_SIGMA_M / ds, SLOPE_SIGMA_M / da), mode="nearest")
-    by_station, by_along = np.gradient(smooth, ds, da)
-    steep = np.where(target.arch, 0.0, by_station**2 + by_along**2)
+    steep = (wall_slope(target, target.offset, SLOPE_SIGMA_M) ** 2).sum(axis=1).reshape(target.offset.shape)
     return np.asarray(steep / (1.0 + steep))
 
 

@@ -14,7 +14,6 @@ from ascrcp.planning.coverage import Coverage, Lines
 from ascrcp.planning.deposition import Jet
 from ascrcp.planning.dose import (
     Dose,
-    build_walls,
     choose_speed,
     explain,
     find_exposed,
@@ -26,14 +25,16 @@ from ascrcp.planning.layer import wall_before
 from ascrcp.planning.misfit import find_need
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
 from ascrcp.planning.process import ProcessParameters, ReboundParameters
-from ascrcp.planning.prune import LEAST_M3, keep_dosed
+from ascrcp.planning.prune import keep_dosed
 from ascrcp.planning.target import Left, Target, find_target, mean_finish
 from ascrcp.planning.wall import find_floor, fit_wall
 
 Progress = Callable[[float], None]
 ROUGH_ROUNDS = 1  # of weighting the excess, for doses that only tell what wall they build
+LEAST_M3 = 0.001  # a second spraying's stroke that would lay less is not driven: half of 20 mm on a patch
+PRUNING = (0.3, 0.6, 1.0)  # of it, one after the other: what is left out others may lay, if it was little
 RESPRAY_SHARE = 0.35  # of the tolerance: patches thinner than this get a second spraying; placeholder
-RESPRAY_LEAVE = 0.15  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
+RESPRAY_LEAVE = 0.2  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
 
 
 @dataclass(frozen=True)
@@ -139,16 +140,14 @@ def plan_spray(
     tell(0.8)
     layout = replace(grid, target=target, exposed=exposed)
     plan = sprayed.dosed(surface, layout)
-    if layout.again:
-        lines = keep_dosed(lines, plan.dose)
+    for share in PRUNING if layout.again else ():
+        lines = keep_dosed(lines, plan.dose, share * LEAST_M3)
         if not len(lines.along):
             raise NothingToSprayError(
                 f"nothing left to spray: no stroke would lay {1e3 * LEAST_M3:g} l where it is too thin"
             )
         layout = replace(layout, lines=lines)
-        sprayed = _Sprayed(layout, lines.jet, process)
-        exposed = exposed & find_exposed(sprayed.stretches, lines, target)
-        plan = sprayed.dosed(surface, replace(layout, exposed=exposed))
+        plan = _Sprayed(layout, lines.jet, process).dosed(surface, layout)
     tell(1.0)
     return plan
 
@@ -226,12 +225,14 @@ class _Sprayed:
         if layout.again:
             must_not = ~np.isin(target.left, (Left.UNSEEN, Left.BEFORE))
         mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
+        fillable = layout.exposed & ~target.beneath  # or the flange in the way would be sprayed for its sake
         start, rounds = (None, ROUGH_ROUNDS) if asked is None else (asked[self.stretches.first], 0)
         leave = RESPRAY_LEAVE * process.target.tolerance_m if layout.again else 0.0
-        rough = solve_dose(self.stretches, lines, target, process, mask, layout.exposed, start, rounds, leave)
-        walls = self._walls, build_walls(rough, lines, target)
-        stretches = renew_stretches(self.stretches, lines, self._jet, target, walls, process)
-        dose = solve_dose(stretches, lines, target, process, mask, layout.exposed, rough.amount, leave=leave)
+        rough = solve_dose(self.stretches, lines, target, process, mask, fillable, start, rounds, leave)
+        stretches = renew_stretches(
+            self.stretches, rough.amount, lines, self._jet, target, self._walls, process
+        )
+        dose = solve_dose(stretches, lines, target, process, mask, fillable, rough.amount, leave=leave)
         speed, flow = choose_speed(dose, lines, process)
         return SprayPlan(lines.to_path(surface, speed, flow), layout, dose)
 

@@ -75,6 +75,7 @@ class Target:
         left: `Left` of each cell, shape (ns, na).
         arches: The arches.
         area: Area of each cell at the wanted surface [m2], shape (ns, na).
+        guessed: Share of each cell that no scan saw, filled from what is beside it, 0..1, shape (ns, na).
     """
 
     profile: Profile
@@ -87,6 +88,7 @@ class Target:
     left: NDArray[np.uint8]
     arches: tuple[ArchLid, ...]
     area: Array
+    guessed: Array
 
     @property
     def cell(self) -> tuple[float, float]:
@@ -169,7 +171,17 @@ def find_target(surface: Surface, wall: Wall, process: ProcessParameters, bridge
     left[(station < first) | (station > last)] = Left.OUTSIDE
     left[:, profile.point(along)[:, 1] < wall.floor_z] = Left.OUTSIDE  # the floor covers it
     area = (station[1] - station[0]) * (along[1] - along[0]) * (1.0 + curvature(profile, along) * wanted)
-    return Target(profile, station, along, rock, offset, wanted, arch, left, arches, area)
+    guessed = np.where(arch, 0.0, _guessed(surface, S, A, process.dose.cell_m).reshape(shape))
+    return Target(profile, station, along, rock, offset, wanted, arch, left, arches, area, guessed)
+
+
+def _guessed(surface: Surface, station: Array, along: Array, cell: float) -> Array:
+    """Share of cells of a size [m] that the scan did not see, about stations and arc lengths [m], (n,)."""
+    step = (surface.station[1] - surface.station[0], surface.along[1] - surface.along[0])
+    unseen = (surface.filled | ~np.isfinite(surface.offset)).astype(float)
+    share = uniform_filter(unseen, [max(1, round(cell / s)) for s in step], mode="nearest")
+    place = [(station - surface.station[0]) / step[0], (along - surface.along[0]) / step[1]]
+    return np.asarray(map_coordinates(share, place, order=0, mode="nearest"))
 
 
 def find_lids(surface: Surface, along: Array) -> tuple[ArchLid, ...]:

@@ -20,7 +20,7 @@ from ascrcp.session.round import Round
 from ascrcp.session.store import read_archive, write_archive
 
 _LINES = ("nozzle", "wall", "line_along", "theta2", "theta3", "bay", "pass_index", "layer", "overbreak")
-_TARGET = ("station", "along", "rock", "offset", "wanted", "arch", "left", "area")
+_TARGET = ("station", "along", "rock", "offset", "wanted", "arch", "left", "area", "guessed")
 _GRIDS = ("layers", "exposed", "growth", "finish")
 
 
