@@ -20,7 +20,7 @@ from ascrcp.planning.target import Target
 from ascrcp.planning.wall import Wall
 
 FLOOR_SPARE_M = 1e-6  # a nozzle turned up to the lowest height must not fall below it by rounding
-BESIDE_ARCH_M = 0.06  # from a flange to the nearest passes in deep places; nearer, half the jet meets it; placeholder
+BESIDE_ARCH_M = 0.06  # from a flange to the nearest passes in deep places, half the jet past it; placeholder
 TWIN_DEG = 2.0  # of theta2: passes over one line aimed less apart lay the same; placeholder
 LEAST_PASS_M = 0.30  # a shorter pass of a further layer is left to the last layer; one patch
 

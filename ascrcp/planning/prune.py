@@ -8,20 +8,20 @@ from numpy.typing import NDArray
 from ascrcp.planning.coverage import Lines
 from ascrcp.planning.dose import Dose
 
+LEAST_M3 = 0.001  # a stroke that would lay less is not driven: half of what a patch takes to be 20 mm thicker
 BRIDGED = 2  # so many points without concrete are driven through, not round; placeholder
 
 
-def keep_dosed(lines: Lines, dose: Dose, least: float) -> Lines:
+def keep_dosed(lines: Lines, dose: Dose) -> Lines:
     """Keep the points at whose stretches something is laid, each pass begun at its end nearer to the last.
 
     Args:
         lines: The points.
         dose: What each stretch between two of them lays.
-        least: What a piece of a pass must lay to be kept [m3].
 
     Returns:
         The points kept, passes numbered anew; a pass falls into pieces where more than `BRIDGED` points
-        in a row lay nothing, and pieces that lay less than `least` are left out.
+        in a row lay nothing, and pieces that lay less than `LEAST_M3` are left out.
     """
     used = np.zeros(len(lines.along), dtype=bool)
     first = dose.stretches.first[dose.amount > 0.0]
@@ -32,7 +32,7 @@ def keep_dosed(lines: Lines, dose: Dose, least: float) -> Lines:
         piece
         for number in np.unique(lines.pass_index[used])
         for piece in _pieces(np.flatnonzero(used & (lines.pass_index == number)))
-        if volume[piece].sum() >= least
+        if volume[piece].sum() >= LEAST_M3
     ]
     order: list[NDArray[np.int64]] = []
     for piece in pieces:

@@ -25,14 +25,12 @@ from ascrcp.planning.layer import wall_before
 from ascrcp.planning.misfit import find_need
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
 from ascrcp.planning.process import ProcessParameters, ReboundParameters
-from ascrcp.planning.prune import keep_dosed
+from ascrcp.planning.prune import LEAST_M3, keep_dosed
 from ascrcp.planning.target import Left, Target, find_target, mean_finish
 from ascrcp.planning.wall import find_floor, fit_wall
 
 Progress = Callable[[float], None]
 ROUGH_ROUNDS = 1  # of weighting the excess, for doses that only tell what wall they build
-LEAST_M3 = 0.001  # a second spraying's stroke that would lay less is not driven: half of 20 mm on a patch
-PRUNING = (0.3, 0.6, 1.0)  # of it, one after the other: what is left out others may lay, if it was little
 RESPRAY_SHARE = 0.35  # of the tolerance: patches thinner than this get a second spraying; placeholder
 RESPRAY_LEAVE = 0.2  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
 
@@ -140,8 +138,8 @@ def plan_spray(
     tell(0.8)
     layout = replace(grid, target=target, exposed=exposed)
     plan = sprayed.dosed(surface, layout)
-    for share in PRUNING if layout.again else ():
-        lines = keep_dosed(lines, plan.dose, share * LEAST_M3)
+    if layout.again:
+        lines = keep_dosed(lines, plan.dose)
         if not len(lines.along):
             raise NothingToSprayError(
                 f"nothing left to spray: no stroke would lay {1e3 * LEAST_M3:g} l where it is too thin"
