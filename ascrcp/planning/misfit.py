@@ -20,6 +20,7 @@ from ascrcp.planning.target import Target
 OVER_SHARE = 0.1  # of the tolerance, beyond which an excess weighs more; placeholder
 LACK_SHARE = 0.5  # and beyond which a lack does at a second spraying; placeholder
 HOPELESS_SHARE = 3.0  # of the tolerance: a lack that is left beyond it pulls no harder; placeholder
+LEARNED_SHARE = 0.5  # of what a first spraying holds back on flanks a second still does; placeholder
 WEIGHT_FLOOR = 0.25  # of a patch inside the part to spray: less has no mean worth meeting
 
 
@@ -50,7 +51,7 @@ class Misfit:
         self._process, self._mask, self._exposed = process, mask, exposed
         self._is_second = leave > 0.0
         need = find_need(target, process)
-        held = process.dose.hold_back if self._is_second else held_back(target, process)
+        held = held_back(target, process, self._is_second)
         self._need = need - leave - held * np.maximum(need, 0.0)
         cell = target.cell
         self._size = tuple(max(1, round(process.target.patch_m / c)) for c in cell)
@@ -121,16 +122,22 @@ def _within(most: float, lack: Array) -> Array:
     return np.asarray(most / np.maximum(lack, most))
 
 
-def held_back(target: Target, process: ProcessParameters) -> Array:
-    """Share of the wanted layer that a first spraying does not lay, shape (ns, na).
+def held_back(target: Target, process: ProcessParameters, again: bool) -> Array:
+    """Share of the wanted layer that is not laid, for what is too thick cannot be taken off, shape (ns, na).
 
-    What is too thick cannot be taken off. What a flank catches and throws back is known worse the more
-    obliquely the jet meets it: the share grows with the square of the sine of the wall's slope, as the
-    rebound by angle does. How deep the wall is that no scan saw is a guess. A second spraying knows better.
+    What a flank catches and throws back is known worse the more obliquely the jet meets it: the share grows
+    with the square of the sine of the wall's slope, as the rebound by angle does. How deep the wall is that
+    no scan saw is a guess. A second spraying has learned of both.
+
+    Args:
+        target: Present and wanted surface.
+        process: The shares.
+        again: Whether it is a second spraying.
     """
-    dose = process.dose
-    slopes, guesses = dose.hold_back_slope * steepness(target), dose.hold_back_guess * target.guessed
-    return np.asarray(dose.hold_back + slopes + guesses)
+    dose, steep = process.dose, steepness(target)
+    if again:
+        return np.asarray(dose.hold_back + LEARNED_SHARE * dose.hold_back_slope * steep)
+    return np.asarray(dose.hold_back + dose.hold_back_slope * steep + dose.hold_back_guess * target.guessed)
 
 
 def steepness(target: Target) -> Array:

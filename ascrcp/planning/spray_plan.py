@@ -32,7 +32,7 @@ from ascrcp.planning.wall import find_floor, fit_wall
 Progress = Callable[[float], None]
 ROUGH_ROUNDS = 1  # of weighting the excess, for doses that only tell what wall they build
 RESPRAY_SHARE = 0.35  # of the tolerance: patches thinner than this get a second spraying; placeholder
-RESPRAY_LEAVE = 0.2  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
+RESPRAY_LEAVE = 0.25  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
 
 
 @dataclass(frozen=True)

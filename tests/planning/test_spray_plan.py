@@ -214,7 +214,7 @@ def test_same_surface_same_plan() -> None:
 
 
 def test_flanks_are_held_back_and_arches_are_not_flanks() -> None:
-    held, steep = held_back(PLAN.target, PROCESS), steepness(PLAN.target)
+    held, steep = held_back(PLAN.target, PROCESS, again=False), steepness(PLAN.target)
     assert (steep[PLAN.target.arch] == 0.0).all() and (steep < 1.0).all() and steep.max() > 0.2
     np.testing.assert_allclose(held[PLAN.target.arch], PROCESS.dose.hold_back)
     order = np.argsort(steep.ravel())
@@ -230,9 +230,9 @@ def test_where_no_scan_saw_the_wall_a_first_spraying_lays_less_and_a_second_does
     first = make(guessed)
     place = first.target.guessed > 0.99
     assert place.sum() > 50 and (first.target.guessed[PLAN.target.arch] == 0.0).all()
-    more = held_back(first.target, PROCESS) - held_back(PLAN.target, PROCESS)
-    np.testing.assert_allclose(more, PROCESS.dose.hold_back_guess * first.target.guessed, atol=1e-12)
-    assert first.growth[place].sum() < 0.85 * PLAN.growth[place].sum()
+    more, less = (held_back(plan.target, PROCESS, again=False) for plan in (first, PLAN))
+    np.testing.assert_allclose(more - less, PROCESS.dose.hold_back_guess * first.target.guessed, atol=1e-12)
+    assert first.growth[place].sum() < 0.92 * PLAN.growth[place].sum()
     after = np.where(place, PLAN.target.wanted + 0.06, PLAN.target.wanted)
     with_guess, without = make(guessed, after=after), make(after=after)
     np.testing.assert_array_equal(with_guess.growth, without.growth)
