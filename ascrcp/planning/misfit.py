@@ -137,7 +137,8 @@ def held_back(target: Target, process: ProcessParameters, again: bool) -> Array:
     dose, steep = process.dose, steepness(target)
     if again:
         return np.asarray(dose.hold_back + LEARNED_SHARE * dose.hold_back_slope * steep)
-    return np.asarray(dose.hold_back + dose.hold_back_slope * steep + dose.hold_back_guess * target.guessed)
+    held = dose.hold_back + dose.hold_back_slope * steep + dose.hold_back_guess * target.guessed
+    return np.asarray(np.minimum(held, 1.0))
 
 
 def steepness(target: Target) -> Array:
