@@ -4,7 +4,6 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pytest
 from test_second_scan import do, shorten
 
 from ascrcp.app import Options, open_session
@@ -79,5 +78,3 @@ def test_the_look_behind_the_arches_on_the_rig(tmp_path: Path) -> None:
         assert _lay_over(clouds[0], clouds[1] + np.float32(5.0), surface, {}) is None, "another place"
     finally:
         session.close()
-    with pytest.raises(FileNotFoundError):
-        (tmp_path / "round" / "rescan-1" / "look.npz").read_bytes()
