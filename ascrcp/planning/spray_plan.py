@@ -145,7 +145,9 @@ def plan_spray(
                 f"nothing left to spray: no stroke would lay {1e3 * LEAST_M3:g} l where it is too thin"
             )
         layout = replace(layout, lines=lines)
-        plan = _Sprayed(layout, lines.jet, process).dosed(surface, layout)
+        sprayed = _Sprayed(layout, lines.jet, process)
+        exposed = exposed & find_exposed(sprayed.stretches, lines, target)
+        plan = sprayed.dosed(surface, replace(layout, exposed=exposed))
     tell(1.0)
     return plan
 
