@@ -37,7 +37,7 @@ done
 # shellcheck disable=SC2016  # expanded inside the namespace
 inside='
 root=$1 shared=$2; shift 2
-peak=$root/tmp/peak measure=()
+peak=$root/peak measure=()
 [ ! -x /usr/bin/time ] || measure=(/usr/bin/time -q -f %M -o "$peak")
 mount -t proc proc "$root/proc"
 mount --rbind /dev "$root/dev"
