@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from ascrcp.core.config import load
 from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath
@@ -74,15 +75,20 @@ class Site:
         ranges = np.array([lidar.measure(mount, angle, rng) for angle in pan], dtype=np.float32)
         return project(Scan(ranges, config.beam, pan, q), mount)
 
-    def scan_again(self, heading: Heading, obstacles: Obstacles) -> NDArray[np.float32]:
+    def scan_again(self, heading: Heading, obstacles: Obstacles, number: int) -> NDArray[np.float32]:
         """Scan after spraying from the zero pose, and from further in if there is room.
 
         The job's poses besides are measured, its arm sags and its scans are thinned and registered.
+
+        Args:
+            heading: As it stands.
+            obstacles: What the arm must not touch on its way.
+            number: Of the further scan, from 0; each has noise of its own.
         """
         pose = find_look_pose(self.arm, obstacles, self.surface)
-        clouds = [self.scan(heading, 1).points]
+        clouds = [self.scan(heading, 2 * number + 1).points]
         if pose is not None:
-            clouds.append(self.scan(heading, 2, pose).points)
+            clouds.append(self.scan(heading, 2 * number + 2, pose).points)
         return np.concatenate(clouds)
 
     def sprayer(self) -> Sprayer:
@@ -110,7 +116,7 @@ class Site:
             labels=self.surface.labels[:0],
         )
         path = self.parameters.path
-        self.wall = fit_wall(surface, path)
+        self.wall = replace(fit_wall(surface, path), floor_z=self._floor_z())
         return find_target(surface, self.wall, self.parameters.process, path.bridge_m)
 
     def find_poses(self, path: SprayPath) -> tuple[Array, Array]:
@@ -167,6 +173,7 @@ class Site:
         mask = (
             truth.inside & ~truth.beneath & (row > first + corner) & (row < np.minimum(last, face) - corner)
         )
+        mask &= ~self._is_buried(corner)
         station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
         reach = plan.target.sample(plan.exposed.astype(float), station, along) > 0.5
         mask &= reach.reshape(mask.shape)
@@ -178,6 +185,21 @@ class Site:
         station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
         met = plan.target.sample((plan.growth > MET_M).astype(float), station, along) > 0.5
         return float(truth.volume(truth.thickness)[met.reshape(truth.offset.shape) & truth.inside].sum())
+
+    def _floor_z(self) -> float:
+        """Height of the true floor in the section plane [m]."""
+        T = self.heading.truth.axis.T_base_tunnel
+        middle = T[:3, 3] + np.mean(self.heading.truth.unsprayed) * T[:3, 0]
+        return float((self.heading.truth.floor_z - middle[2]) / T[2, 2])
+
+    def _is_buried(self, corner: float) -> NDArray[np.bool_]:
+        """Mark cells of the truth before which floor or muck stand, or nearer than a corner [m] to them."""
+        bare, truth = self.bare, self.truth
+        step = (bare.station[1] - bare.station[0], bare.along[1] - bare.along[0])
+        near = distance_transform_edt(~bare.buried, sampling=step) <= corner
+        row = np.clip(np.rint((truth.station - bare.station[0]) / step[0]), 0, len(bare.station) - 1)
+        column = np.clip(np.rint((truth.along - bare.along[0]) / step[1]), 0, len(bare.along) - 1)
+        return np.asarray(near[np.ix_(row.astype(np.int64), column.astype(np.int64))])
 
     def _is_seen(self, station: Array, along: Array) -> NDArray[np.bool_]:
         s = self.surface

@@ -22,7 +22,8 @@ from ascrcp.planning.target import Left, Target
 
 SAMPLES = (0.25, 0.75)  # of a stretch where its jet stands: 0.1 m apart, less than the footprint's deviation
 LEAST_LENGTH_M = 0.02  # a stretch on which the nozzle only turns
-EXPOSED = 0.45  # of the median exposure, below which a cell cannot be brought to the target; placeholder
+EXPOSED = 0.45  # of what even passes give a wall: with less it cannot be brought to the target; placeholder
+RESPRAYED = 0.35  # the same at a further spraying, whose strokes lie alone; placeholder
 SHADOW_M = 0.25  # so near an arch what no jet exposes lies in its shadow: flanges, oblique jets
 STEEP_DEG = 45.0  # a flank steeper than this catches too little of a jet square to the bay; placeholder
 LAYER_SLACK = 1.5  # a stretch may lay so much more than its share of the layer limit: its neighbours lay less
@@ -167,15 +168,18 @@ def _between(jet: Jet, first: NDArray[np.int64], share: float) -> Jet:
     return Jet(position, direction / np.linalg.norm(direction, axis=1, keepdims=True))
 
 
-def find_exposed(stretches: Stretches, lines: Lines, target: Target) -> NDArray[np.bool_]:
+def find_exposed(
+    stretches: Stretches, lines: Lines, target: Target, process: ProcessParameters, again: bool
+) -> NDArray[np.bool_]:
     """Find the cells the last layer can bring to the target, shape (ns, na)."""
-    last = (lines.layer[stretches.first] == 1).astype(float)
+    first = stretches.first
+    # per metre of wall: where the nozzle hardly moves as it turns, a short way sprays much
+    wall = np.linalg.norm(lines.wall[first + 1] - lines.wall[first], axis=1)
+    last = np.where(lines.layer[first] == 1, wall / stretches.length, 0.0)
     exposure = (stretches.growth @ last).reshape(target.offset.shape)
-    part = ~np.isin(target.left, (Left.OUTSIDE, Left.UNSEEN, Left.BEFORE))
-    lit = exposure[part & (exposure > 0.0)]
-    if not len(lit):
-        return np.zeros(exposure.shape, dtype=bool)
-    return np.asarray(part & (exposure >= EXPOSED * np.median(lit)))
+    even = (1.0 - process.rebound.wall) / process.dose.pass_spacing_m
+    enough = exposure >= (RESPRAYED if again else EXPOSED) * even
+    return np.asarray(enough & ~np.isin(target.left, (Left.OUTSIDE, Left.UNSEEN, Left.BEFORE)))
 
 
 def solve_dose(
@@ -185,9 +189,9 @@ def solve_dose(
     process: ProcessParameters,
     mask: NDArray[np.bool_],
     exposed: NDArray[np.bool_],
+    leave: Array,
     start: Array | None = None,
     rounds: int = ROUNDS,
-    leave: float = 0.0,
 ) -> Dose:
     """Find the doses that bring the wall nearest to the wanted surface, patch by patch (`Misfit`).
 
@@ -199,9 +203,10 @@ def solve_dose(
         mask: Cells that count, shape (ns, na).
         exposed: Those of them whose lack counts too: of the others, which no pass can fill, the excess alone,
             or what is beside them would be sprayed too thick in their stead.
+        leave: How much thinner than wanted a further spraying may leave the wall [m], 0 at the first, shape
+            (ns, na).
         start: Doses to begin with [m3/m], shape (m,); None for none.
         rounds: Of weighting the excess; without any the doses to begin with are only held within bounds.
-        leave: How much thinner than wanted a second spraying may leave the wall [m]; 0 at the first.
     """
     unit = process.dose.pass_spacing_m  # a dose of one metre's layer: its width times one metre
     joined = np.diff(stretches.first) == 1

@@ -34,7 +34,8 @@ class Misfit:
         process: Patch, tolerance, weights.
         mask: Cells that count, shape (ns, na).
         exposed: Those whose lack counts too; of the others the excess alone.
-        leave: How much thinner than wanted a second spraying may leave the wall [m]; 0 at the first.
+        leave: How much thinner than wanted a further spraying may leave the wall [m], 0 at the first, shape
+            (ns, na).
     """
 
     def __init__(
@@ -45,11 +46,11 @@ class Misfit:
         process: ProcessParameters,
         mask: NDArray[np.bool_],
         exposed: NDArray[np.bool_],
-        leave: float,
+        leave: Array,
     ) -> None:
         self._matrix, self._back, self._joined = matrix, csr_matrix(matrix.T), joined
         self._process, self._mask, self._exposed = process, mask, exposed
-        self._is_second = leave > 0.0
+        self._is_second = bool(leave.any())
         need = find_need(target, process)
         held = held_back(target, process, self._is_second)
         self._need = need - leave - held * np.maximum(need, 0.0)

@@ -97,6 +97,7 @@ class DoseParameters(Struct):
     hold_back: Annotated[float, Meta(ge=0.0, le=0.3)]
     hold_back_slope: Annotated[float, Meta(ge=0.0, le=0.5)]
     hold_back_guess: Annotated[float, Meta(ge=0.0, le=1.0)]
+    reserve: Annotated[float, Meta(ge=0.0, le=0.5)]
     over_weight: Annotated[float, Meta(ge=1.0, le=100.0)]
     fine: Annotated[float, Meta(ge=0.0, le=10.0)]
     smooth: Annotated[float, Meta(ge=0.0, le=10.0)]

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
 
 from ascrcp.core.errors import InputError, NothingToSprayError
 from ascrcp.core.flow import SprayPath, Surface
@@ -22,17 +21,15 @@ from ascrcp.planning.dose import (
     solve_dose,
 )
 from ascrcp.planning.layer import wall_before
-from ascrcp.planning.misfit import find_need
 from ascrcp.planning.parameter import PlanningParameters, change, check_parameters
 from ascrcp.planning.process import ProcessParameters, ReboundParameters
 from ascrcp.planning.prune import LEAST_M3, keep_dosed
-from ascrcp.planning.target import Left, Target, find_target, mean_finish
+from ascrcp.planning.respray import find_respray
+from ascrcp.planning.target import Left, Target, find_target
 from ascrcp.planning.wall import find_floor, fit_wall
 
 Progress = Callable[[float], None]
 ROUGH_ROUNDS = 1  # of weighting the excess, for doses that only tell what wall they build
-RESPRAY_SHARE = 0.35  # of the tolerance: patches thinner than this get a second spraying; placeholder
-RESPRAY_LEAVE = 0.25  # of the tolerance it leaves, for what is too thick cannot be taken off; placeholder
 
 
 @dataclass(frozen=True)
@@ -45,7 +42,8 @@ class Layout:
         layers: Layers of each cell, shape (ns, na).
         exposed: Cells the lines can bring to the target, shape (ns, na).
         rebound: As believed when it was planned.
-        again: Whether it is a second spraying, over what the first left too thin.
+        leave: How much thinner than wanted a further spraying leaves the wall [m], 0 at the first, shape
+            (ns, na).
     """
 
     lines: Lines
@@ -53,7 +51,12 @@ class Layout:
     layers: NDArray[np.int64]
     exposed: NDArray[np.bool_]
     rebound: ReboundParameters
-    again: bool
+    leave: Array
+
+    @property
+    def again(self) -> bool:
+        """Whether it is a further spraying, over what those before left too thin."""
+        return bool(self.leave.any())
 
 
 @dataclass(frozen=True)
@@ -123,16 +126,16 @@ def plan_spray(
         raise InputError("the heading has no bay to spray: at least one is needed")
     wall = fit_wall(surface, parameters)
     target = find_target(surface, wall, process, parameters.bridge_m)
-    where = None
+    where, leave = None, np.zeros(target.offset.shape)
     if after is not None:
-        target = renew(target, after, surface.unsprayed, process.target.corner_m)
-        where = _widen(find_thin(target, process), target, process)
+        respray = find_respray(target, after, surface.unsprayed, process)
+        target, where, leave = respray.target, respray.thin, respray.leave
     tell(0.1)
     coverage = Coverage(surface, target, wall, parameters, process, where)
     lines, layers = coverage.lines(lambda x: tell(0.1 + 0.3 * x)), coverage.layers
-    grid = Layout(lines, target, layers, target.inside, process.rebound, after is not None)
+    grid = Layout(lines, target, layers, target.inside, process.rebound, leave)
     sprayed = _Sprayed(grid, lines.jet, process, progress=lambda x: tell(0.4 + 0.4 * x))
-    exposed = find_exposed(sprayed.stretches, lines, target)
+    exposed = sprayed.exposed
     low = _is_low(surface, target, parameters)
     target = replace(target, left=explain(target, exposed, exposed, low))
     tell(0.8)
@@ -146,7 +149,7 @@ def plan_spray(
             )
         layout = replace(layout, lines=lines)
         sprayed = _Sprayed(layout, lines.jet, process)
-        exposed = exposed & find_exposed(sprayed.stretches, lines, target)
+        exposed = exposed & sprayed.exposed
         plan = sprayed.dosed(surface, replace(layout, exposed=exposed))
     tell(1.0)
     return plan
@@ -172,7 +175,7 @@ def replan(
     T = inverse_transform(surface.axis.T_base_tunnel)
     jet = Jet(apply_transform(T, driven.position), driven.direction @ T[:3, :3].T)
     sprayed = _Sprayed(layout, jet, process, reached)
-    exposed = find_exposed(sprayed.stretches, layout.lines, layout.target) & layout.exposed
+    exposed = sprayed.exposed & layout.exposed
     left = layout.target.left.copy()
     left[layout.exposed & ~exposed] = Left.ARM
     target = replace(layout.target, left=left)
@@ -192,6 +195,7 @@ class _Sprayed:
 
     Attributes:
         stretches: As reckoned on the walls that layers leave which fill their share everywhere.
+        exposed: Cells they can bring to the target, shape (ns, na).
     """
 
     def __init__(
@@ -209,6 +213,7 @@ class _Sprayed:
         self.stretches = find_stretches(
             lines, jet, everywhere if reached is None else reached, target, self._walls, process, progress
         )
+        self.exposed = find_exposed(self.stretches, lines, target, process, layout.again)
 
     def dosed(self, surface: Surface, layout: Layout, asked: Array | None = None) -> SprayPlan:
         """Choose doses, speeds and flows for the layout, the doses on the wall that they themselves build.
@@ -227,52 +232,14 @@ class _Sprayed:
         mask = layout.exposed | (met & must_not & (target.left != Left.OUTSIDE))
         fillable = layout.exposed & ~target.beneath  # or the flange in the way would be sprayed for its sake
         start, rounds = (None, ROUGH_ROUNDS) if asked is None else (asked[self.stretches.first], 0)
-        leave = RESPRAY_LEAVE * process.target.tolerance_m if layout.again else 0.0
-        rough = solve_dose(self.stretches, lines, target, process, mask, fillable, start, rounds, leave)
+        leave = layout.leave
+        rough = solve_dose(self.stretches, lines, target, process, mask, fillable, leave, start, rounds)
         stretches = renew_stretches(
             self.stretches, rough.amount, lines, self._jet, target, self._walls, process
         )
-        dose = solve_dose(stretches, lines, target, process, mask, fillable, rough.amount, leave=leave)
+        dose = solve_dose(stretches, lines, target, process, mask, fillable, leave, rough.amount)
         speed, flow = choose_speed(dose, lines, process)
         return SprayPlan(lines.to_path(surface, speed, flow), layout, dose)
-
-
-def renew(target: Target, after: Array, unsprayed: tuple[float, float], corner: float) -> Target:
-    """Put the surface a second scan found in place of the present one.
-
-    What it did not see is left out, and so are the corners at the ends, where face and step are seen.
-    """
-    middle = (target.station > unsprayed[0] + corner) & (target.station < unsprayed[1] - corner)
-    seen = np.isfinite(after) & middle[:, None]
-    left = target.left.copy()
-    left[(left == Left.NOT) & ~seen] = Left.UNSEEN
-    offset = np.where(seen, after, target.wanted)
-    rock = np.where(target.arch, target.rock, offset)
-    return replace(target, offset=offset, rock=rock, left=left)
-
-
-def find_thin(target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
-    """Find the cells whose patch lacks more than the share of the tolerance that is worth a second spraying.
-
-    Raises:
-        NothingToSprayError: There are none.
-    """
-    lack = mean_finish(find_need(target, process), target.inside, target, process.target.patch_m)
-    with np.errstate(invalid="ignore"):
-        thin = lack > RESPRAY_SHARE * process.target.tolerance_m
-    if not thin.any():
-        raise NothingToSprayError(
-            f"nothing left to spray: every patch of {process.target.patch_m:g} m lacks less than "
-            f"{1e3 * RESPRAY_SHARE * process.target.tolerance_m:g} mm"
-        )
-    return np.asarray(thin)
-
-
-def _widen(thin: NDArray[np.bool_], target: Target, process: ProcessParameters) -> NDArray[np.bool_]:
-    """Widen thin places along the axis so that each holds a pass: passes lie where those of the bay do."""
-    half = round(process.dose.pass_spacing_m / 2.0 / target.cell[0])
-    rock = ~target.arch  # an arch has one pass of its own
-    return np.asarray(thin | (rock & binary_dilation(thin & rock, np.ones((2 * half + 1, 1)))))
 
 
 def _is_low(surface: Surface, target: Target, parameters: PlanningParameters) -> NDArray[np.bool_]:

@@ -21,7 +21,7 @@ from ascrcp.session.store import read_archive, write_archive
 
 _LINES = ("nozzle", "wall", "line_along", "theta2", "theta3", "bay", "pass_index", "layer", "overbreak")
 _TARGET = ("station", "along", "rock", "offset", "wanted", "arch", "left", "area", "guessed")
-_GRIDS = ("layers", "exposed", "growth", "finish")
+_GRIDS = ("layers", "exposed", "leave", "growth", "finish")
 
 
 def write_layout(file: Path, plan: SprayPlan, finish: Array) -> None:
@@ -35,8 +35,9 @@ def write_layout(file: Path, plan: SprayPlan, finish: Array) -> None:
     lines, target = plan.lines, plan.target
     arrays: dict[str, Any] = {name: getattr(lines, name.removeprefix("line_")) for name in _LINES}
     arrays |= {name: getattr(target, name) for name in _TARGET}
-    arrays |= {"layers": plan.layout.layers, "exposed": plan.exposed, "growth": plan.growth, "finish": finish}
-    meta = {"again": plan.layout.again, "rebound": msgspec.to_builtins(plan.layout.rebound)}
+    arrays |= {name: getattr(plan.layout, name) for name in ("layers", "exposed", "leave")}
+    arrays |= {"growth": plan.growth, "finish": finish}
+    meta = {"rebound": msgspec.to_builtins(plan.layout.rebound)}
     write_archive(file, "plan", meta, arrays)
 
 
@@ -61,7 +62,7 @@ def read_layout(file: Path, surface: Surface) -> tuple[Layout, Array, Array]:
         rebound = msgspec.convert(meta.get("rebound"), ReboundParameters)
     except msgspec.ValidationError as error:
         raise InputError(f"{file}: rebound: {error}; run `ascrcp plan` on this round again") from error
-    layout = Layout(lines, target, a["layers"], a["exposed"], rebound, bool(meta["again"]))
+    layout = Layout(lines, target, a["layers"], a["exposed"], rebound, a["leave"])
     return layout, a["growth"], a["finish"]
 
 

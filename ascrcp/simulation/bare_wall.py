@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
 from ascrcp.core.geometry import Array, apply_transform, inverse_transform
@@ -14,6 +15,7 @@ MARGIN_M = 0.6  # wall kept beyond the unsprayed part
 AHEAD_M = 0.4  # rays begin so far inside the arch line
 ON_FLANGE_M = 0.05  # an arch's flange is looked for so near the arch line
 SAME_M = 0.04  # a vertex so near the wall or a flange belongs to it
+BURIED_M = 0.10  # what stands so far before the wall hides it; bolt heads do not
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,7 @@ class Bare:
         rock: Offset of the rock [m]; behind arches as beside them; shape (ns, na).
         flange: Offset of the inner flange on arches, NaN beside them, shape (ns, na).
         face: Station where the face stands in each column [m], infinite if there is none, shape (na,).
+        buried: Cells before which floor, muck or the face's own rock stand, shape (ns, na).
         outer: Depth of an arch from inner to outer flange [m].
     """
 
@@ -35,48 +38,53 @@ class Bare:
     rock: Array
     flange: Array
     face: Array
+    buried: NDArray[np.bool_]
     outer: float
 
 
 def lay_bare(heading: Heading, cell: float, arch_depth: float) -> Bare:
-    """Measure the mesh of a heading without bodies: a ray outward through every cell's middle."""
-    import open3d.core  # takes a second to load
-    from open3d.t.geometry import RaycastingScene
-
-    tensor: Any = open3d.core.Tensor
-
-    truth = heading.truth
+    """Measure the mesh of a heading: a ray outward through every cell's middle, past all that is no wall."""
+    truth, T = heading.truth, heading.truth.axis.T_base_tunnel
     first, last = truth.unsprayed
     station = _even(first - MARGIN_M, last + MARGIN_M, cell)
     along = _even(0.0, truth.profile.length, cell)
-    scene = RaycastingScene(nthreads=1)
-    scene.add_triangles(tensor(heading.vertices), tensor(heading.triangles))
     start = truth.profile.arch_line - AHEAD_M
-    T = truth.axis.T_base_tunnel
     yz, normal = truth.profile.point(along, start), truth.profile.normal(along)
     S, A = np.meshgrid(station, np.arange(len(along)), indexing="ij")
     origin = apply_transform(T, np.column_stack([S.ravel(), yz[A.ravel()]]))
-    ray = np.column_stack([np.zeros(S.size), normal[A.ravel()]]) @ T[:3, :3].T
-    reach = scene.cast_rays(tensor(np.hstack([origin, ray]).astype(np.float32)))["t_hit"].numpy()
-    offset = (start + np.where(np.isfinite(reach), reach, np.nan)).reshape(S.shape)
+    outward = np.column_stack([np.zeros(S.size), normal[A.ravel()]]) @ T[:3, :3].T
+    offset, nearest = (
+        start + _cast(heading.vertices, triangles, origin, outward).reshape(S.shape)
+        for triangles in (heading.triangles[: heading.wall], heading.triangles)
+    )
     on = np.zeros(S.shape, dtype=bool)
     z = truth.profile.point(along)[:, 1]
     for arch in truth.arches:
         middle = arch.station + np.tan(np.radians(arch.lean_deg)) * (z - z.max())
         on |= np.abs(station[:, None] - middle) <= arch.width / 2.0
-    flange = np.where(on & (np.abs(offset - truth.profile.arch_line) < 0.05), offset, np.nan)
-    # rows at the face and behind it: what stands inside the arch line is the face's own rock, not the wall
-    behind = (station > last - cell)[:, None] & (offset < truth.profile.arch_line - ON_FLANGE_M)
-    rock = np.where(on | behind, np.nan, offset)
+    flange = np.where(on & (np.abs(offset - truth.profile.arch_line) < ON_FLANGE_M), offset, np.nan)
+    rock = np.where(on | np.isinf(offset), np.nan, offset)
     rows = np.arange(len(station))
     for column in rock.T:
         known = np.isfinite(column)
         column[:] = np.interp(rows, rows[known], column[known]) if known.any() else 0.0
     # the face, seen along the axis just inside the arches
     origin = apply_transform(T, np.column_stack([np.full(len(along), first), yz]))
-    ahead = np.tile(T[:3, 0], (len(along), 1))
-    reach = scene.cast_rays(tensor(np.hstack([origin, ahead]).astype(np.float32)))["t_hit"].numpy()
-    return Bare(truth.profile, station, along, rock, flange, first + reach.astype(float), arch_depth)
+    face = first + _cast(heading.vertices, heading.triangles, origin, np.tile(T[:3, 0], (len(along), 1)))
+    buried = nearest < offset - BURIED_M
+    return Bare(truth.profile, station, along, rock, flange, face, buried, arch_depth)
+
+
+def _cast(vertices: NDArray[np.float32], triangles: NDArray[np.uint32], origin: Array, ray: Array) -> Array:
+    """Find how far rays go to the first triangle [m], infinite if they meet none, (n,)."""
+    import open3d.core  # takes a second to load
+    from open3d.t.geometry import RaycastingScene
+
+    tensor: Any = open3d.core.Tensor
+    scene = RaycastingScene(nthreads=1)
+    scene.add_triangles(tensor(vertices), tensor(np.ascontiguousarray(triangles)))
+    reach = scene.cast_rays(tensor(np.hstack([origin, ray]).astype(np.float32)))["t_hit"].numpy()
+    return np.asarray(reach, dtype=float)
 
 
 def grow_heading(heading: Heading, bare: Bare, rock: Array, flange: Array) -> Heading:

@@ -111,6 +111,7 @@ class Heading:
         beyond_area: Area of each on the overbreak line [m2], shape (c,).
         pool_z: Level of standing water [m], base frame, None if the floor is dry.
         solid: So many triangles come first that nothing is seen through; wire mesh follows. None: all.
+        wall: So many come first that are wall and arches; floor, face and bodies follow. None: all.
     """
 
     vertices: NDArray[np.float32]
@@ -123,6 +124,7 @@ class Heading:
     beyond_area: Array
     pool_z: float | None = None
     solid: int | None = None
+    wall: int | None = None
 
 
 def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profile | None = None) -> Heading:
@@ -151,6 +153,7 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
     parts = [grid(lining), *build_feet(lining, floor)]
     for arch in arches:
         parts += build_arch(config.arches, arch, streams["arches"], profile)
+    wall_triangles = sum(len(piece.triangles) for piece in parts)
     parts.append(build_floor(config, streams["floor"], profile, part, floor))
     parts += build_face(config, streams["face"], profile, part)
     parts += build_bolts(config.bolts, streams["bolts"], profile, part, wall)
@@ -182,6 +185,7 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
         beyond_area=area,
         pool_z=truth.floor_z + config.air.pool_depth if config.air.pool_depth > 0.0 else None,
         solid=solid,
+        wall=wall_triangles,
     )
 
 
