@@ -114,8 +114,12 @@ def _choose_lack(target: Target, lack: Array, budget: float, tolerance: float) -
 
 
 def _leave(lack: Array, least: float, tolerance: float) -> Array:
-    """How much thinner than wanted cells are left [m], by what their patches lack [m], shape (ns, na)."""
-    return np.asarray(np.where(lack > tolerance, LEAVE_BEYOND, LEAVE_SHARE) * least)
+    """How much thinner than wanted cells are left [m], by what their patches lack [m], shape (ns, na).
+
+    Never more than they lack: what falls on wall that is right would count as an excess that it is not.
+    """
+    share = np.where(lack > tolerance, LEAVE_BEYOND, LEAVE_SHARE)
+    return np.asarray(np.clip(lack, 0.0, share * least))
 
 
 def _widen(thin: NDArray[np.bool_], target: Target, process: ProcessParameters) -> NDArray[np.bool_]:

@@ -25,7 +25,7 @@ class Bare:
     Attributes:
         profile: Design profile.
         station, along: Middles of rows [m] (ns,) and columns [m] (na,), even.
-        rock: Offset of the rock [m]; behind arches as beside them; shape (ns, na).
+        rock: Offset of the rock [m], behind arches too, shape (ns, na).
         flange: Offset of the inner flange on arches, NaN beside them, shape (ns, na).
         face: Station where the face stands in each column [m], infinite if there is none, shape (na,).
         buried: Cells before which floor, muck or the face's own rock stand, shape (ns, na).
@@ -43,7 +43,7 @@ class Bare:
 
 
 def lay_bare(heading: Heading, cell: float, arch_depth: float) -> Bare:
-    """Measure the mesh of a heading: a ray outward through every cell's middle, past all that is no wall."""
+    """Measure the mesh of a heading: rays outward through every cell, to the rock and to the arches."""
     truth, T = heading.truth, heading.truth.axis.T_base_tunnel
     first, last = truth.unsprayed
     station = _even(first - MARGIN_M, last + MARGIN_M, cell)
@@ -53,17 +53,12 @@ def lay_bare(heading: Heading, cell: float, arch_depth: float) -> Bare:
     S, A = np.meshgrid(station, np.arange(len(along)), indexing="ij")
     origin = apply_transform(T, np.column_stack([S.ravel(), yz[A.ravel()]]))
     outward = np.column_stack([np.zeros(S.size), normal[A.ravel()]]) @ T[:3, :3].T
-    offset, nearest = (
+    rock, steel, nearest = (
         start + _cast(heading.vertices, triangles, origin, outward).reshape(S.shape)
-        for triangles in (heading.triangles[: heading.wall], heading.triangles)
+        for triangles in np.split(heading.triangles, [heading.rock, heading.built])
     )
-    on = np.zeros(S.shape, dtype=bool)
-    z = truth.profile.point(along)[:, 1]
-    for arch in truth.arches:
-        middle = arch.station + np.tan(np.radians(arch.lean_deg)) * (z - z.max())
-        on |= np.abs(station[:, None] - middle) <= arch.width / 2.0
-    flange = np.where(on & (np.abs(offset - truth.profile.arch_line) < ON_FLANGE_M), offset, np.nan)
-    rock = np.where(on | np.isinf(offset), np.nan, offset)
+    flange = np.where(np.abs(steel - truth.profile.arch_line) < ON_FLANGE_M, steel, np.nan)
+    buried = nearest < np.minimum(rock, steel) - BURIED_M
     rows = np.arange(len(station))
     for column in rock.T:
         known = np.isfinite(column)
@@ -71,7 +66,6 @@ def lay_bare(heading: Heading, cell: float, arch_depth: float) -> Bare:
     # the face, seen along the axis just inside the arches
     origin = apply_transform(T, np.column_stack([np.full(len(along), first), yz]))
     face = first + _cast(heading.vertices, heading.triangles, origin, np.tile(T[:3, 0], (len(along), 1)))
-    buried = nearest < offset - BURIED_M
     return Bare(truth.profile, station, along, rock, flange, face, buried, arch_depth)
 
 
@@ -80,6 +74,8 @@ def _cast(vertices: NDArray[np.float32], triangles: NDArray[np.uint32], origin: 
     import open3d.core  # takes a second to load
     from open3d.t.geometry import RaycastingScene
 
+    if not len(triangles):
+        return np.full(len(origin), np.inf)
     tensor: Any = open3d.core.Tensor
     scene = RaycastingScene(nthreads=1)
     scene.add_triangles(tensor(vertices), tensor(np.ascontiguousarray(triangles)))

@@ -11,7 +11,7 @@ from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import Profile
 from ascrcp.simulation.tunnel import AirConfig, TunnelConfig, draw
 from ascrcp.simulation.tunnel_arch import build_arch, draw_arches
-from ascrcp.simulation.tunnel_mesh import grid, merge
+from ascrcp.simulation.tunnel_mesh import Mesh, grid, merge
 from ascrcp.simulation.tunnel_site import (
     build_bodies,
     build_bolts,
@@ -109,9 +109,10 @@ class Heading:
         beyond: Middle of wall cells beyond the overbreak line [m], base frame, shape (c, 3).
         beyond_volume: Volume missing in front of each [m3], shape (c,).
         beyond_area: Area of each on the overbreak line [m2], shape (c,).
+        rock: So many triangles come first that are the wall's rock; the arches follow.
+        built: So many come first that are rock or arches; floor, face and bodies follow.
         pool_z: Level of standing water [m], base frame, None if the floor is dry.
         solid: So many triangles come first that nothing is seen through; wire mesh follows. None: all.
-        wall: So many come first that are wall and arches; floor, face and bodies follow. None: all.
     """
 
     vertices: NDArray[np.float32]
@@ -122,9 +123,10 @@ class Heading:
     beyond: Array
     beyond_volume: Array
     beyond_area: Array
+    rock: int
+    built: int
     pool_z: float | None = None
     solid: int | None = None
-    wall: int | None = None
 
 
 def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profile | None = None) -> Heading:
@@ -151,14 +153,15 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
     s = np.broadcast_to(wall.station[:, None], wall.offset.shape)
     lining = np.concatenate([s[..., None], yz], axis=-1)
     parts = [grid(lining), *build_feet(lining, floor)]
+    rock = _count(parts)
     for arch in arches:
         parts += build_arch(config.arches, arch, streams["arches"], profile)
-    wall_triangles = sum(len(piece.triangles) for piece in parts)
+    built = _count(parts)
     parts.append(build_floor(config, streams["floor"], profile, part, floor))
     parts += build_face(config, streams["face"], profile, part)
     parts += build_bolts(config.bolts, streams["bolts"], profile, part, wall)
     parts += build_bodies(config.bodies, streams["bodies"], floor)
-    solid = sum(len(piece.triangles) for piece in parts)
+    solid = _count(parts)
     mesh = merge([*parts, *build_net(config.net, streams["net"], profile, part, wall)])
     T = axis.T_base_tunnel
     cells, volume, area = wall.cells_beyond(profile, part)
@@ -184,9 +187,14 @@ def build_heading(config: TunnelConfig, rng: np.random.Generator, profile: Profi
         beyond_volume=volume,
         beyond_area=area,
         pool_z=truth.floor_z + config.air.pool_depth if config.air.pool_depth > 0.0 else None,
+        rock=rock,
+        built=built,
         solid=solid,
-        wall=wall_triangles,
     )
+
+
+def _count(parts: list[Mesh]) -> int:
+    return sum(len(piece.triangles) for piece in parts)
 
 
 def _place_axis(config: TunnelConfig, rng: np.random.Generator) -> Axis:

@@ -18,7 +18,7 @@ from ascrcp.planning.parameter import change, load_parameters
 from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow, laid_amount
 from ascrcp.planning.rescan import find_after
-from ascrcp.planning.spray_plan import SprayPlan, find_thin, plan_spray, replan, walls_before
+from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan, walls_before
 from ascrcp.planning.target import LEFT_TEXT, Left
 from ascrcp.planning.wall import find_floor, fit_wall
 
@@ -308,19 +308,6 @@ def test_what_no_scan_sees_lies_midway_between_its_surroundings_and_what_was_spr
     assert layer.min() > believed_m - 0.04, "the rock itself is rough"
 
 
-def test_what_is_too_thick_does_not_make_up_for_what_is_too_thin_beside_it() -> None:
-    target = PLAN.target
-    strip = np.abs(target.along - 13.0) < 1.0
-    thin = strip & (np.abs(target.station[:, None] - 11.7) < 0.16) & ~target.arch
-    beside = strip & (np.abs(target.station[:, None] - 12.0) < 0.13) & ~target.arch
-    bump = np.where(thin, 0.04, np.where(beside, -0.20, 0.0))
-    uneven = dataclasses.replace(target, offset=target.wanted + bump)
-    found = find_thin(uneven, PROCESS)
-    edge = thin & ~np.roll(thin, -1, axis=0)
-    assert found[edge].all(), "the row next to the excess counts too"
-    assert find_need(uneven, PROCESS).min() == pytest.approx(-PROCESS.target.tolerance_m)
-
-
 def test_what_no_jet_exposes_is_told_apart() -> None:
     nothing = np.zeros(PLAN.target.offset.shape, dtype=bool)
     fresh = dataclasses.replace(PLAN.target, left=np.zeros_like(PLAN.target.left))
@@ -484,7 +471,15 @@ def test_what_no_pass_can_fill_is_not_made_up_for_beside_it() -> None:
     around = strip & (np.abs(target.station[:, None] - 11.7) < 0.25) & ~hidden & ~target.arch
 
     def excess(exposed: np.ndarray) -> float:
-        dose = solve_dose(PLAN.dose.stretches, PLAN.lines, deep, PROCESS, target.inside, exposed)
+        dose = solve_dose(
+            PLAN.dose.stretches,
+            PLAN.lines,
+            deep,
+            PROCESS,
+            target.inside,
+            exposed,
+            np.zeros(deep.offset.shape),
+        )
         return float((dose.layer(deep) - 0.03)[around & target.inside].mean())
 
     assert excess(target.inside & ~hidden) < 0.01

@@ -16,7 +16,7 @@ from ascrcp.perception.project import project
 from ascrcp.perception.recognise import recognise
 from ascrcp.perception.survey import load_survey
 from ascrcp.planning.parameter import load_parameters
-from ascrcp.planning.spray_plan import find_thin, renew
+from ascrcp.planning.respray import find_respray
 from ascrcp.session.achieved import Achieved, carry_labels, measure_achieved
 from ascrcp.simulation.bare_wall import Bare, grow_heading, lay_bare
 from ascrcp.simulation.heading import Heading, build_heading
@@ -140,8 +140,7 @@ def test_what_lacks_concrete_is_what_the_next_spraying_sprays(site: Site) -> Non
     rock = np.where(left, np.maximum(bare.rock - wanted, 0.0), 0.0)
     flange = np.where(left, 0.02, 0.0) * np.ones(rock.shape)
     found = site.measure(site.scan(rock, flange, 4))
-    now = renew(found.target, found.after, site.surface.unsprayed, CONFIGURED.process.target.corner_m)
-    thin = find_thin(now, CONFIGURED.process)
+    thin = find_respray(found.target, found.after, site.surface.unsprayed, CONFIGURED.process).thin
     mine = found.target.along > site.surface.profile.length / 2 + 0.3
     assert thin[:, ~mine].sum() > 4 * thin[:, mine].sum()
 
