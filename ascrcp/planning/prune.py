@@ -5,10 +5,12 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from ascrcp.core.geometry import Array
 from ascrcp.planning.coverage import Lines
 from ascrcp.planning.dose import Dose
 
 LEAST_M3 = 0.001  # a stroke that would lay less is not driven: half of what a patch takes to be 20 mm thicker
+CLOSE_M = 0.21  # pieces so near to each other reach the same wall: as far as passes are apart
 BRIDGED = 2  # so many points without concrete are driven through, not round; placeholder
 
 
@@ -21,7 +23,8 @@ def keep_dosed(lines: Lines, dose: Dose) -> Lines:
 
     Returns:
         The points kept, passes numbered anew; a pass falls into pieces where more than `BRIDGED` points
-        in a row lay nothing, and pieces that lay less than `LEAST_M3` are left out.
+        in a row lay nothing. Of pieces that lay less than `LEAST_M3` those are kept that do with what lesser
+        ones close by were to lay; the others are left out.
     """
     used = np.zeros(len(lines.along), dtype=bool)
     first = dose.stretches.first[dose.amount > 0.0]
@@ -32,8 +35,8 @@ def keep_dosed(lines: Lines, dose: Dose) -> Lines:
         piece
         for number in np.unique(lines.pass_index[used])
         for piece in _pieces(np.flatnonzero(used & (lines.pass_index == number)))
-        if volume[piece].sum() >= LEAST_M3
     ]
+    pieces = _worth_driving(pieces, [float(volume[piece].sum()) for piece in pieces], lines.wall)
     order: list[NDArray[np.int64]] = []
     for piece in pieces:
         if order:
@@ -51,3 +54,32 @@ def _pieces(points: NDArray[np.int64]) -> list[NDArray[np.int64]]:
     """Part points of one pass at long gaps and fill the short ones."""
     parts = np.split(points, np.flatnonzero(np.diff(points) > BRIDGED + 1) + 1)
     return [np.arange(part[0], part[-1] + 1) for part in parts]
+
+
+def _worth_driving(
+    pieces: list[NDArray[np.int64]], volume: list[float], wall: Array
+) -> list[NDArray[np.int64]]:
+    """Choose the pieces that lay enough [m3], alone or for the lesser ones close by, in their order.
+
+    Args:
+        pieces: Points of each.
+        volume: What each lays [m3].
+        wall: The points aimed at [m], shape (n, 3).
+    """
+    small = [k for k in np.argsort(volume)[::-1].tolist() if volume[k] < LEAST_M3]
+    dropped: set[int] = set()
+    for n, k in enumerate(small):
+        if k in dropped:
+            continue
+        lesser = [
+            j for j in small[n + 1 :] if j not in dropped and _apart(wall, pieces[k], pieces[j]) < CLOSE_M
+        ]
+        if volume[k] + sum(volume[j] for j in lesser) >= LEAST_M3:
+            dropped.update(lesser)
+        else:
+            dropped.add(k)
+    return [piece for k, piece in enumerate(pieces) if k not in dropped]
+
+
+def _apart(wall: Array, one: NDArray[np.int64], other: NDArray[np.int64]) -> float:
+    return float(np.linalg.norm(wall[one][:, None] - wall[other][None], axis=2).min())
