@@ -85,8 +85,8 @@ def renew(target: Target, after: Array, unsprayed: tuple[float, float], corner: 
 
 
 def find_budget(target: Target, after: Array, process: ProcessParameters) -> float:
-    """Concrete that may still be laid [m3]: what the wall that was seen lacks, but for the reserve."""
-    seen = np.isfinite(after) & target.inside
+    """Concrete that may still be laid [m3]: what the rock that was seen lacks, but for the reserve."""
+    seen = np.isfinite(after) & target.inside & ~target.arch
     laid = np.where(seen, target.offset - after, 0.0)
     wanted = target.volume(target.offset - target.wanted)[seen].sum()
     reserve = process.dose.reserve * target.volume(target.thickness)[seen].sum()
