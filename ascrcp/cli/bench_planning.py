@@ -41,6 +41,7 @@ class Sprayed:
         bent: Finish by the planner's own model with its parameters bent.
         thesis: Finish of the thesis's path at constant speed and flow, where the scan had seen the wall.
         concrete: What stuck after all over what was wanted where it was sprayed.
+        beneath: Share of what was wanted that fills the rock beneath flanges.
         rebound: Share of the pumped concrete that rebounded.
         planned, reached: Points.
         left: Area the plan said before spraying that it leaves out, by the code of its reason [m2].
@@ -54,6 +55,7 @@ class Sprayed:
     bent: Finish
     thesis: Finish
     concrete: float
+    beneath: float
     rebound: float
     planned: int
     reached: int
@@ -109,7 +111,8 @@ def spray_heading(arm: Arm, seed: int, parameters: Parameters) -> Sprayed:
         finish_all=[whole for _, whole in finish],
         bent=bend(site, driven, sequence, np.random.default_rng([seed, 2000])),
         thesis=site.judge(driven, by_thesis, True),
-        concrete=(grown.pumped - grown.rebound) / site.wanted(driven),
+        concrete=(grown.pumped - grown.rebound) / site.wanted(driven, grown),
+        beneath=site.filled_beneath(grown) / site.wanted(driven, grown),
         rebound=rebound,
         planned=len(plan.path),
         reached=reached,
@@ -249,7 +252,8 @@ def list_figures(found: list[Sprayed], parameters: Parameters) -> list[Figure]:
             5.0,
             note=f"rebound {100 * float(np.mean([one.rebound for one in found])):.0f} %, "
             f"headings {100 * (min(ratio) - 1):+.1f}..{100 * (max(ratio) - 1):+.1f} %, "
-            f"mean {100 * (float(np.mean(ratio)) - 1):+.1f} %",
+            f"mean {100 * (float(np.mean(ratio)) - 1):+.1f} %; of what is wanted "
+            f"{100 * float(np.mean([one.beneath for one in found])):.0f} % fills rock beneath flanges",
         ),
         *_thesis_figures(found, thesis.deviation, first.deviation),
         Figure(

@@ -15,6 +15,7 @@ from ascrcp.kinematics.look import find_look_pose
 from ascrcp.kinematics.obstacle import Obstacles
 from ascrcp.kinematics.path import solve_path
 from ascrcp.perception.parameter import load_parameters as load_perception
+from ascrcp.perception.profile_line import curvature
 from ascrcp.perception.project import project
 from ascrcp.perception.recognise import recognise
 from ascrcp.planning.parameter import Parameters
@@ -179,12 +180,25 @@ class Site:
         mask &= reach.reshape(mask.shape)
         return mask & (self._is_seen(station, along).reshape(mask.shape) | truth.arch) if seen_only else mask
 
-    def wanted(self, plan: SprayPlan) -> float:
-        """Concrete wanted wherever the plan sprays, corners too [m3]."""
+    def wanted(self, plan: SprayPlan, grown: Grown) -> float:
+        """Concrete wanted wherever the plan sprays, corners too [m3].
+
+        Beneath flanges it is what fills the rock up to the wanted surface: no jet gets to all of it.
+        """
         truth = self.truth
         station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
         met = plan.target.sample((plan.growth > MET_M).astype(float), station, along) > 0.5
-        return float(truth.volume(truth.thickness)[met.reshape(truth.offset.shape) & truth.inside].sum())
+        beside = truth.volume(truth.thickness)[met.reshape(truth.offset.shape) & truth.inside].sum()
+        return float(beside) + self.filled_beneath(grown)
+
+    def filled_beneath(self, grown: Grown) -> float:
+        """Concrete on the rock beneath flanges that lies before the wanted surface [m3]."""
+        bare, target = self.bare, self.parameters.process.target
+        room = np.maximum(bare.rock - target.line_m, target.cover_rock_m)
+        layer = np.where(np.isfinite(bare.flange), np.minimum(grown.rock, room), 0.0)
+        cell = (bare.station[1] - bare.station[0]) * (bare.along[1] - bare.along[0])
+        bend = curvature(bare.profile, bare.along)
+        return float((layer * (1.0 + bend * (bare.rock - layer / 2.0))).sum() * cell)
 
     def _floor_z(self) -> float:
         """Height of the true floor in the section plane [m]."""

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from planning_heading import heading
 
-from ascrcp.core.errors import ConfigError, InputError
+from ascrcp.core.errors import ConfigError, InputError, NothingToSprayError
 from ascrcp.core.flow import JointSequence, Surface
 from ascrcp.core.geometry import apply_transform, inverse_transform
-from ascrcp.planning import misfit
+from ascrcp.planning import misfit, prune
 from ascrcp.planning.deposition import Jet, deposit
 from ascrcp.planning.dose import SAMPLES, explain, find_stretches, renew_stretches, solve_dose
 from ascrcp.planning.finish import judge_finish
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.learning import learn_rebound
-from ascrcp.planning.misfit import find_need, held_back, steepness
+from ascrcp.planning.misfit import held_back, steepness
 from ascrcp.planning.parameter import change, load_parameters
 from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow, laid_amount
@@ -415,10 +415,15 @@ def test_a_near_nozzle_stands_back_where_it_would_be_too_low() -> None:
     assert again.growth[feet].mean() > 0.03
 
 
-def test_less_than_a_litre_is_not_worth_a_stroke() -> None:
-    thin = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.1) & (np.abs(PLAN.target.along - 13.0) < 0.1)
-    with pytest.raises(InputError, match="no stroke would lay 1 l"):
-        make(after=np.where(thin, PLAN.target.wanted + 0.02, PLAN.target.wanted))
+def test_a_spraying_none_of_whose_strokes_would_lay_enough_is_not_planned(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    thin = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.2) & (np.abs(PLAN.target.along - 13.0) < 0.2)
+    after = np.where(thin, PLAN.target.wanted + 0.04, PLAN.target.wanted)
+    assert len(make(after=after).path)
+    monkeypatch.setattr(prune, "LEAST_M3", 0.05)
+    with pytest.raises(NothingToSprayError, match="no stroke would lay 1 l"):
+        make(after=after)
 
 
 def test_a_plan_of_which_no_point_is_reached_lays_nothing() -> None:
@@ -517,5 +522,5 @@ def test_even_layers_reach_the_foot_of_a_pocket_beside_an_arch_past_its_flange()
 
 def test_two_passes_that_lay_the_same_do_not_share_a_litre_so_that_neither_is_driven() -> None:
     thin = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.15) & (np.abs(PLAN.target.along - 13.0) < 0.15)
-    again = make(after=np.where(thin, PLAN.target.wanted + 0.025, PLAN.target.wanted))
+    again = make(after=np.where(thin, PLAN.target.wanted + 0.035, PLAN.target.wanted))
     assert again.growth[thin].mean() > 0.008
