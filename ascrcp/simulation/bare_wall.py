@@ -28,7 +28,8 @@ class Bare:
         rock: Offset of the rock [m], behind arches too, shape (ns, na).
         flange: Offset of the inner flange on arches, NaN beside them, shape (ns, na).
         face: Station where the face stands in each column [m], infinite if there is none, shape (na,).
-        buried: Cells before which floor, muck or the face's own rock stand, shape (ns, na).
+        buried: Cells before which floor, muck or the face's own rock stand, not those wholly beneath the
+            floor, shape (ns, na).
         outer: Depth of an arch from inner to outer flange [m].
     """
 

@@ -54,7 +54,7 @@ def test_the_more_concrete_is_left_the_smaller_the_lacks_that_are_sprayed() -> N
     lack = np.broadcast_to(2.0 * TOLERANCE * TARGET.along / TARGET.along[-1], TARGET.offset.shape)
     least = [
         float(np.nanmin(patches(found)[found.thin]))
-        for found in map(lambda r: respray(lack, r), (0.0, 0.06, 0.12))
+        for found in (respray(lack, reserve) for reserve in (0.0, 0.06, 0.12))
     ]
     assert LEAST_SHARE * TOLERANCE - 1e-3 < least[0] < least[1] < least[2] < TOLERANCE + 1e-3
     for reserve in (0.0, 0.06, 0.12, 0.5):
@@ -98,7 +98,7 @@ def test_what_is_not_seen_is_left_out_and_a_wall_within_tolerance_is_left_alone(
     assert (found.target.left[strip(12.1, 20.0)] == Left.UNSEEN).all() and not found.thin[
         strip(12.3, 20.0)
     ].any()
-    with pytest.raises(NothingToSprayError, match="every patch of 0.3 m lacks less than 20 mm"):
+    with pytest.raises(NothingToSprayError, match=r"every patch of 0\.3 m lacks less than 20 mm"):
         respray(np.zeros(lack.shape))
 
 

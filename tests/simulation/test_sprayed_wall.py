@@ -48,6 +48,23 @@ def aim(heading: Heading, station: float, phi_deg: float, seconds: float, flow: 
     )
 
 
+def test_the_bare_wall_is_the_rock_alone_and_knows_what_buries_it(heading: Heading, bare: Bare) -> None:
+    """Against the same rock without its arch, and against the floor's height."""
+    tunnel = load(CONFIG / "simulation" / "tunnel.yaml", TunnelConfig, {**OVERLAY, "arches": {"count": 0}})
+    plain = lay_bare(build_heading(tunnel, np.random.default_rng(3)), 0.05, 0.15)
+    np.testing.assert_allclose(bare.rock, plain.rock, atol=1e-6)
+    assert not np.isfinite(plain.flange).any()
+    beside = np.abs(bare.station[:, None] - heading.truth.arches[0].station) < 0.6
+    assert np.isfinite(bare.flange).any() and not np.isfinite(bare.flange[~beside.ravel()]).any()
+    T = heading.truth.axis.T_base_tunnel
+    middle = T[:3, 3] + np.mean(heading.truth.unsprayed) * T[:3, 0]
+    height = bare.profile.point(bare.along)[:, 1] - (heading.truth.floor_z - middle[2]) / T[2, 2]
+    first, last = heading.truth.unsprayed
+    wall = (bare.station > first + 0.1) & (bare.station < last - 1.6)  # before the muck at the face
+    assert bare.buried[wall][:, (height > -0.3) & (height < -0.15)].all()
+    assert not bare.buried[wall][:, height > 0.15].any()
+
+
 def test_every_drop_is_accounted_for(heading: Heading, bare: Bare) -> None:
     sprayer = Sprayer(bare, load_deposition(), np.random.default_rng(1))
     station = heading.truth.arches[0].station - 0.12
