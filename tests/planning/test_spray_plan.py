@@ -507,7 +507,7 @@ def test_a_lack_that_no_jet_fills_pulls_no_harder_than_one_that_can_be_filled(
 
     bounded = thickest()
     monkeypatch.setattr(misfit, "HOPELESS_SHARE", 1e9)
-    assert bounded < 0.030 < thickest() - 0.003
+    assert bounded < 0.033 < thickest() - 0.003
 
 
 def test_even_layers_reach_the_foot_of_a_pocket_beside_an_arch_past_its_flange() -> None:

@@ -60,8 +60,9 @@ def test_the_bare_wall_is_the_rock_alone_and_knows_what_buries_it(heading: Headi
     middle = T[:3, 3] + np.mean(heading.truth.unsprayed) * T[:3, 0]
     height = bare.profile.point(bare.along)[:, 1] - (heading.truth.floor_z - middle[2]) / T[2, 2]
     first, last = heading.truth.unsprayed
-    wall = (bare.station > first + 0.1) & (bare.station < last - 1.6)  # before the muck at the face
-    assert bare.buried[wall][:, (height > -0.3) & (height < -0.15)].all()
+    # rock beside the arch, before the muck at the face
+    wall = (bare.station > first + 0.1) & (bare.station < last - 1.6) & ~np.isfinite(bare.flange).any(axis=1)
+    assert bare.buried[wall][:, (height > -0.2) & (height < -0.1)].mean() > 0.95
     assert not bare.buried[wall][:, height > 0.15].any()
 
 
