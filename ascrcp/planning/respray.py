@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
 
-from ascrcp.core.errors import NothingToSprayError
+from ascrcp.core.errors import InputError, NothingToSprayError
 from ascrcp.core.geometry import Array
 from ascrcp.planning.misfit import find_need
 from ascrcp.planning.process import ProcessParameters
@@ -54,11 +54,14 @@ def find_respray(
         process: Tolerance, patch, reserve.
 
     Raises:
+        InputError: The scan saw none of the wall.
         NothingToSprayError: No patch lacks enough.
     """
     now = renew(target, after, unsprayed, process.target.corner_m)
     need = find_need(now, process)
     lack = np.nan_to_num(mean_finish(need, now.inside, now, process.target.patch_m), nan=-np.inf)
+    if not np.isfinite(lack).any():
+        raise InputError("the further scan shows none of the wall to be sprayed: scan it again")
     tolerance = process.target.tolerance_m
     least = _choose_lack(now, lack, find_budget(target, after, process), tolerance)
     thin = lack > least

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from planning_heading import heading
 
-from ascrcp.core.errors import NothingToSprayError
+from ascrcp.core.errors import InputError, NothingToSprayError
 from ascrcp.planning.dose import find_exposed, find_stretches
 from ascrcp.planning.misfit import find_need
 from ascrcp.planning.parameter import change, load_parameters
@@ -100,6 +100,8 @@ def test_what_is_not_seen_is_left_out_and_a_wall_within_tolerance_is_left_alone(
     ].any()
     with pytest.raises(NothingToSprayError, match=r"every patch of 0\.3 m lacks less than 20 mm"):
         respray(np.zeros(lack.shape))
+    with pytest.raises(InputError, match="shows none of the wall"):
+        respray(np.full(lack.shape, np.nan))
 
 
 def test_where_the_nozzle_hardly_moves_as_it_turns_the_wall_is_exposed_all_the_same() -> None:
