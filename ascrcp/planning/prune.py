@@ -10,16 +10,16 @@ from ascrcp.planning.coverage import Lines
 from ascrcp.planning.dose import Dose
 
 LEAST_M3 = 0.001  # a stroke that would lay less is not driven: half of what a patch takes to be 20 mm thicker
-CLOSE_M = 0.21  # pieces so near to each other reach the same wall: as far as passes are apart
 BRIDGED = 2  # so many points without concrete are driven through, not round; placeholder
 
 
-def keep_dosed(lines: Lines, dose: Dose) -> Lines:
+def keep_dosed(lines: Lines, dose: Dose, close: float) -> Lines:
     """Keep the points at whose stretches something is laid, each pass begun at its end nearer to the last.
 
     Args:
         lines: The points.
         dose: What each stretch between two of them lays.
+        close: Pieces aimed so near to each other reach the same wall: as far as passes are apart [m].
 
     Returns:
         The points kept, passes numbered anew; a pass falls into pieces where more than `BRIDGED` points
@@ -36,7 +36,7 @@ def keep_dosed(lines: Lines, dose: Dose) -> Lines:
         for number in np.unique(lines.pass_index[used])
         for piece in _pieces(np.flatnonzero(used & (lines.pass_index == number)))
     ]
-    pieces = _worth_driving(pieces, [float(volume[piece].sum()) for piece in pieces], lines.wall)
+    pieces = _worth_driving(pieces, [float(volume[piece].sum()) for piece in pieces], lines.wall, close)
     order: list[NDArray[np.int64]] = []
     for piece in pieces:
         if order:
@@ -57,7 +57,7 @@ def _pieces(points: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 
 
 def _worth_driving(
-    pieces: list[NDArray[np.int64]], volume: list[float], wall: Array
+    pieces: list[NDArray[np.int64]], volume: list[float], wall: Array, close: float
 ) -> list[NDArray[np.int64]]:
     """Choose the pieces that lay enough [m3], alone or for the lesser ones close by, in their order.
 
@@ -65,6 +65,7 @@ def _worth_driving(
         pieces: Points of each.
         volume: What each lays [m3].
         wall: The points aimed at [m], shape (n, 3).
+        close: Pieces nearer to each other than this are close by [m].
     """
     small = [k for k in np.argsort(volume)[::-1].tolist() if volume[k] < LEAST_M3]
     dropped: set[int] = set()
@@ -72,7 +73,7 @@ def _worth_driving(
         if k in dropped:
             continue
         lesser = [
-            j for j in small[n + 1 :] if j not in dropped and _apart(wall, pieces[k], pieces[j]) < CLOSE_M
+            j for j in small[n + 1 :] if j not in dropped and _apart(wall, pieces[k], pieces[j]) < close
         ]
         if volume[k] + sum(volume[j] for j in lesser) >= LEAST_M3:
             dropped.update(lesser)

@@ -142,7 +142,7 @@ def plan_spray(
     layout = replace(grid, target=target, exposed=exposed)
     plan = sprayed.dosed(surface, layout)
     if layout.again:
-        lines = keep_dosed(lines, plan.dose)
+        lines = keep_dosed(lines, plan.dose, process.dose.pass_spacing_m)
         if not len(lines.along):
             raise NothingToSprayError(
                 f"nothing left to spray: no stroke would lay {1e3 * LEAST_M3:g} l where it is too thin"

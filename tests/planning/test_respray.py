@@ -122,7 +122,7 @@ def test_strokes_that_lay_too_little_each_are_driven_where_one_does_for_those_cl
     places = [0.0, 0.1, 0.2, 0.9, 2.0, 2.1]
     wall = np.array([[10.0 + x, 5.0, 0.0] for x in places])
     pieces = [np.array([k]) for k in range(len(places))]
-    kept = _worth_driving(pieces, [0.0004, 0.0005, 0.0003, 0.0009, 0.002, 0.0001], wall)
+    kept = _worth_driving(pieces, [0.0004, 0.0005, 0.0003, 0.0009, 0.002, 0.0001], wall, 0.21)
     assert [int(piece[0]) for piece in kept] == [1, 4], (
         "three do with one; one alone is too little; one is enough"
     )
