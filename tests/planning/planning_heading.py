@@ -5,6 +5,7 @@ from scipy.ndimage import gaussian_filter
 
 from ascrcp.core.flow import Arch, Axis, Bay, Label, Overbreak, Surface
 from ascrcp.core.profile import Arc, Profile
+from ascrcp.planning.target import Target
 
 RADIUS = 5.9
 STEP = 0.05
@@ -77,3 +78,21 @@ def heading(
         points=points,
         labels=labels,
     )
+
+
+def scan_of(
+    surface: Surface,
+    target: Target,
+    layer: np.ndarray,
+    places: tuple[tuple[float, float], ...] = ((-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)),
+) -> np.ndarray:
+    """Points of the wall with a layer on it, base frame: in every cell at these places from its middle."""
+    T = surface.axis.T_base_tunnel
+    ds, da = target.cell
+    parts = []
+    for s, a in places:
+        S, A = np.meshgrid(target.station + s * ds, target.along + a * da, indexing="ij")
+        offset = target.sample(target.offset - layer, S.ravel(), A.ravel()).reshape(S.shape)
+        yz = target.profile.point(A, offset)
+        parts.append(np.column_stack([S.ravel(), yz.reshape(-1, 2)]) @ T[:3, :3].T + T[:3, 3])
+    return np.concatenate(parts).astype(np.float32)

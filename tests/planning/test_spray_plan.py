@@ -2,11 +2,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from planning_heading import heading
+from planning_heading import heading, scan_of
 
 from ascrcp.core.errors import ConfigError, InputError, NothingToSprayError
 from ascrcp.core.flow import JointSequence, Surface
-from ascrcp.core.geometry import apply_transform, inverse_transform
 from ascrcp.planning import misfit, prune
 from ascrcp.planning.deposition import Jet, deposit
 from ascrcp.planning.dose import SAMPLES, explain, find_stretches, renew_stretches, solve_dose
@@ -160,22 +159,10 @@ def test_the_pump_follows_a_slower_nozzle_so_that_the_dose_stays(slower: float) 
     assert predict(PLAN, PROCESS, sequence).pumped == pytest.approx(PLAN.dose.volume, rel=0.02)
 
 
-def scan_of(plan: SprayPlan, layer: np.ndarray) -> np.ndarray:
-    """Points of the wall with a layer on it, base frame, four to a cell."""
-    target, T = plan.target, SURFACE.axis.T_base_tunnel
-    ds, da = target.cell
-    parts = []
-    for s, a in ((-0.2, -0.2), (-0.2, 0.2), (0.2, -0.2), (0.2, 0.2)):
-        S, A = np.meshgrid(target.station + s * ds, target.along + a * da, indexing="ij")
-        yz = target.profile.point(A, target.offset - layer)
-        parts.append(np.column_stack([S.ravel(), yz.reshape(-1, 2)]) @ T[:3, :3].T + T[:3, 3])
-    return np.concatenate(parts).astype(np.float32)
-
-
 def test_a_second_plan_sprays_the_thin_patch_only() -> None:
     thin = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.3) & (np.abs(PLAN.target.along - 13.0) < 0.5)
     layer = PLAN.target.offset - PLAN.target.wanted
-    after = find_after(scan_of(PLAN, layer - 0.05 * thin), SURFACE, PLAN.target)
+    after = find_after(scan_of(SURFACE, PLAN.target, layer - 0.05 * thin), SURFACE, PLAN.target)
     lack = after - PLAN.target.wanted
     assert np.nanmean(lack[thin]) == pytest.approx(0.05, abs=0.005)
     assert np.nanmean(np.abs(lack[PLAN.exposed & ~thin])) < 0.005
@@ -190,7 +177,9 @@ def test_a_second_plan_sprays_the_thin_patch_only() -> None:
 
 
 def test_nothing_thin_is_said_and_nothing_planned() -> None:
-    after = find_after(scan_of(PLAN, PLAN.target.offset - PLAN.target.wanted), SURFACE, PLAN.target)
+    after = find_after(
+        scan_of(SURFACE, PLAN.target, PLAN.target.offset - PLAN.target.wanted), SURFACE, PLAN.target
+    )
     with pytest.raises(InputError, match="nothing left to spray"):
         make(after=after)
 
@@ -271,41 +260,6 @@ def test_the_face_in_the_last_rows_is_no_wall() -> None:
     offset[SURFACE.station > SURFACE.unsprayed[1] - 0.08] = -0.3
     wall = fit_wall(dataclasses.replace(SURFACE, offset=offset), PARAMETERS.path)
     assert wall.raw[wall.station > SURFACE.unsprayed[1] - 0.08].min() > -0.11
-
-
-def hole_in(cloud: np.ndarray) -> tuple[int, np.ndarray]:
-    """A row of cells in the middle of a bay, and the points in it and its two neighbours."""
-    row = int(np.argmin(np.abs(PLAN.target.station - 11.8)))
-    T = inverse_transform(SURFACE.axis.T_base_tunnel)
-    station = apply_transform(T, cloud.astype(float))[:, 0]
-    return row, np.abs(station - PLAN.target.station[row]) < 1.5 * PLAN.target.cell[0]
-
-
-def test_a_hole_behind_a_rim_is_read_by_the_line_of_sight() -> None:
-    target = PLAN.target
-    cloud = scan_of(PLAN, np.full(target.offset.shape, 0.02))
-    row, hidden = hole_in(cloud)
-    found = find_after(cloud[~hidden], SURFACE, target)
-    clear = (np.abs(target.along - 13.0) < 2.0) & ~target.arch[row - 2 : row + 3].any(axis=0)
-    chord = (found[row - 2] + found[row + 2]) / 2.0
-    np.testing.assert_allclose(found[row, clear], chord[clear], atol=1e-6)
-
-
-@pytest.mark.parametrize(("sprayed_m", "believed_m"), [(0.30, 0.175), (0.0, 0.025)])
-def test_what_no_scan_sees_lies_midway_between_its_surroundings_and_what_was_sprayed(
-    sprayed_m: float, believed_m: float
-) -> None:
-    """A wall with 50 mm on it; behind an arch, in a hole of the scan, the plan laid more, or nothing."""
-    target = PLAN.target
-    cloud = scan_of(PLAN, np.full(target.offset.shape, 0.05))
-    row, hidden = hole_in(cloud)
-    laid = np.full(target.offset.shape, 0.05)
-    laid[row - 1 : row + 2] = sprayed_m
-    found = find_after(cloud[~hidden], SURFACE, target, target.offset - laid)
-    clear = (np.abs(target.along - 13.0) < 2.0) & ~target.arch[row - 2 : row + 3].any(axis=0)
-    layer = (target.offset - found)[row, clear]
-    assert layer.mean() == pytest.approx(believed_m, abs=0.01)
-    assert layer.min() > believed_m - 0.04, "the rock itself is rough"
 
 
 def test_what_no_jet_exposes_is_told_apart() -> None:
