@@ -14,11 +14,11 @@ from scipy.sparse import csr_matrix, hstack
 
 from ascrcp.core.geometry import Array
 from ascrcp.planning.coverage import Lines
-from ascrcp.planning.deposition import Jet, deposit
+from ascrcp.planning.deposition import Jet, deposit, rebound
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.misfit import Misfit, descend, steepness
 from ascrcp.planning.process import ProcessParameters
-from ascrcp.planning.target import Left, Target
+from ascrcp.planning.target import Left, Target, mean_patch
 
 SAMPLES = (0.25, 0.75)  # of a stretch where its jet stands: 0.1 m apart, less than the footprint's deviation
 LEAST_LENGTH_M = 0.02  # a stretch on which the nozzle only turns
@@ -30,6 +30,8 @@ LAYER_SLACK = 1.5  # a stretch may lay so much more than its share of the layer 
 LEAST_YIELD = 0.3  # a stretch that loses more is not driven harder; placeholder
 MOVED_M = 0.03  # a wall that differs by less gives the same footprint
 MOVED_SHARE = 0.05  # of a footprint that must fall on wall that differs, to reckon it anew
+THINNINGS = 4  # of doses whose strokes together lay more than stays up
+LIMIT_SLACK = 0.05  # of the layer limit: rows and pump hold a dose no better; placeholder
 ROUNDS = 3  # of weighting the excess: the set of patches that have one hardly changes any more
 
 
@@ -177,7 +179,9 @@ def find_exposed(
     wall = np.linalg.norm(lines.wall[first + 1] - lines.wall[first], axis=1)
     last = np.where(lines.layer[first] == 1, wall / stretches.length, 0.0)
     exposure = (stretches.growth @ last).reshape(target.offset.shape)
-    even = (1.0 - process.rebound.wall) / process.dose.pass_spacing_m
+    upward, square, best = target.profile.normal(target.along)[:, 1], np.ones(1), process.rebound.best_m
+    lost = rebound(upward, square, np.full(1, best), process.rebound)
+    even = (1.0 - lost) / process.dose.pass_spacing_m
     enough = exposure >= (RESPRAYED if again else EXPOSED) * even
     return np.asarray(enough & ~np.isin(target.left, (Left.OUTSIDE, Left.UNSEEN, Left.BEFORE)))
 
@@ -220,6 +224,12 @@ def solve_dose(
     for _ in range(rounds):
         misfit.weigh(amount)
         amount = descend(misfit.slope, highest, amount, process.dose.iterations)
+    for _ in range(THINNINGS if rounds else 0):
+        over = _over_limit(stretches, amount * unit, lines, target, process)
+        if not (over > 1.0 + LIMIT_SLACK).any():
+            break
+        highest = np.where(over > 1.0, np.minimum(highest, amount / np.maximum(over, 1.0)), highest)
+        amount = descend(misfit.slope, highest, np.minimum(amount, highest), process.dose.iterations)
     return Dose(stretches, _round_off(amount * unit, process))
 
 
@@ -234,6 +244,40 @@ def _highest(stretches: Stretches, lines: Lines, target: Target, process: Proces
     layer = limit_layer(target, process.layer)[np.clip(column, 0, len(target.along) - 1)]
     peak = LAYER_SLACK * layer * process.dose.pass_spacing_m / np.maximum(area, LEAST_YIELD)
     return np.asarray(np.minimum(peak, process.spray.pump_m3_s / process.dose.speed_m_s[0]))
+
+
+def _over_limit(
+    stretches: Stretches, amount: Array, lines: Lines, target: Target, process: ProcessParameters
+) -> Array:
+    """How many times the thickest layer that stays up is laid where a stretch sprays, shape (m,).
+
+    Each dose is bounded, but strokes of one layer overlap: those of a further spraying lie densely and are
+    aimed at one place in several ways. Layers are averaged over a patch, as they are counted.
+
+    Args:
+        stretches: Footprints.
+        amount: Doses [m3/m], shape (m,).
+        lines: The points, for the layers.
+        target: Grid.
+        process: Layer limit, patch.
+    """
+    limit, layer = limit_layer(target, process.layer), lines.layer[stretches.first]
+    over = np.zeros(len(amount))
+    for number in np.unique(layer):
+        mine = np.flatnonzero(layer == number)
+        footprint = stretches.growth[:, mine]
+        grown = (footprint @ amount[mine]).reshape(target.offset.shape)
+        mean = mean_patch(grown, ~target.arch, target.cell, process.target.patch_m)
+        times = np.nan_to_num(mean) / limit
+        core = csr_matrix(footprint.T)
+        core.data = np.where(core.data > 0.5 * np.repeat(_peaks(core), np.diff(core.indptr)), 1.0, 0.0)
+        over[mine] = core.multiply(times.ravel()[None, :]).max(axis=1).toarray().ravel()
+    return over
+
+
+def _peaks(rows: csr_matrix) -> Array:
+    """Largest value of each row, shape (m,)."""
+    return np.asarray(rows.max(axis=1).toarray().ravel())
 
 
 def _round_off(amount: Array, process: ProcessParameters) -> Array:

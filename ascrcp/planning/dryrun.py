@@ -127,7 +127,10 @@ def _check_pose(
         bad = np.flatnonzero(~(value <= allowed))
         if len(bad):
             worst = int(bad[np.argmax(value[bad])])
-            text = f"the nozzle is {value[worst]:.1f} {what} off its planned pose, allowed {allowed:g} {what}"
+            text = (
+                f"with {payload_kg:g} kg in the hose the nozzle is {value[worst]:.1f} {what} off its planned "
+                f"pose, allowed {allowed:g} {what}"
+            )
             found.append(_finding(sequence, "pose", rows[bad], int(rows[worst]), text, broken))
     return found
 

@@ -121,6 +121,17 @@ class Parameters(Struct):
     timing: TimingParameters
     check: CheckParameters
 
+    def __post_init__(self) -> None:
+        for name, spacing in (
+            ("path", self.path.point_spacing_m),
+            ("dose", self.process.dose.point_spacing_m),
+        ):
+            if not self.timing.gap_m > spacing:
+                raise ConfigError(
+                    f"timing: gap_m {self.timing.gap_m} must exceed point_spacing_m {spacing} of {name}, "
+                    "or no two points are joined by spraying"
+                )
+
 
 def load_parameters(path: Path = CONFIG / "planning.yaml", planner: str | None = None) -> Parameters:
     """Read the planning configuration; `planner` in place of the configured one.

@@ -141,6 +141,8 @@ def plan_spray(
     tell(0.8)
     layout = replace(grid, target=target, exposed=exposed)
     plan = sprayed.dosed(surface, layout)
+    if not plan.dose.volume > 0.0:
+        raise NothingToSprayError(_why_nothing(parameters, process))
     if layout.again:
         lines = keep_dosed(lines, plan.dose, process.dose.pass_spacing_m)
         if not len(lines.along):
@@ -240,6 +242,15 @@ class _Sprayed:
         dose = solve_dose(stretches, lines, target, process, mask, fillable, leave, rough.amount)
         speed, flow = choose_speed(dose, lines, process)
         return SprayPlan(lines.to_path(surface, speed, flow), layout, dose)
+
+
+def _why_nothing(parameters: PlanningParameters, process: ProcessParameters) -> str:
+    r = process.rebound
+    lost = min(1.0, r.wall + r.distance * (parameters.stand_off_m - r.best_m) ** 2)
+    return (
+        "nothing to spray: no stroke would bring wall to the target; with stand_off_m "
+        f"{parameters.stand_off_m:g} and rebound best_m {r.best_m:g} {100.0 * lost:.0f} % rebound from a wall"
+    )
 
 
 def _is_low(surface: Surface, target: Target, parameters: PlanningParameters) -> NDArray[np.bool_]:

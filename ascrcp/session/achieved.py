@@ -27,6 +27,8 @@ from ascrcp.planning.target import Target, find_target
 from ascrcp.planning.wall import fit_wall
 
 SAME_M = 0.35  # a point so near one of the first scan is of the same kind: thicker is no layer; placeholder
+DEEPER_M = 0.05  # beyond noise, registration and what falls off bare rock; placeholder
+DEEPER_SHARE = 0.05  # of the wall that may lie so much deeper than in the first scan; placeholder
 EVERY = 4  # of the first scan's points are asked for their kind
 
 
@@ -79,6 +81,8 @@ def measure_achieved(
     labels = carry_labels(points, first)
     second = replace(first, points=points, labels=labels)
     found = register(stable_points(first), stable_points(second), survey.registration)
+    if not found.converged:
+        raise RecognitionError("registration: the two scans did not settle on one another")
     moved = apply_transform(found.T_first_second, points.astype(float)).astype(np.float32)
     target = layout.target if layout is not None else find_grid(first, config)
     shown = moved
@@ -115,10 +119,11 @@ def find_reached(
     survey: SurveyParameters,
     expected: Array | None,
 ) -> Array:
-    """Find the wall a further scan shows (`find_after`), if it shows enough of it.
+    """Find the wall a further scan shows (`find_after`), if it is that of the first one.
 
     Raises:
-        RecognitionError: It does not.
+        RecognitionError: It shows too little of the wall or of the arches, or lies deeper than the first one
+            showed it: a wall that is sprayed comes nearer.
     """
     if expected is not None and expected.shape != target.offset.shape:
         expected = None
@@ -128,6 +133,18 @@ def find_reached(
     if not share >= needed:
         raise RecognitionError(
             f"the scan shows {100 * share:.0f} % of the wall of the first one, needed {100 * needed:.0f} %"
+        )
+    seen, arch = np.isfinite(after) & target.inside, target.arch & target.inside
+    if arch.any() and not (share := float(seen[arch].mean())) >= needed:
+        raise RecognitionError(
+            f"the scan shows {100 * share:.0f} % of the arches of the first one, needed {100 * needed:.0f} %"
+        )
+    known = seen & ~target.arch & (target.guessed == 0.0)
+    deeper = float((after - target.offset > DEEPER_M)[known].mean()) if known.any() else 0.0
+    if not deeper <= DEEPER_SHARE:
+        raise RecognitionError(
+            f"{100 * deeper:.0f} % of the wall lies more than {1e3 * DEEPER_M:.0f} mm deeper than before, "
+            f"allowed {100 * DEEPER_SHARE:.0f} %: a wall that is sprayed comes nearer"
         )
     return after
 

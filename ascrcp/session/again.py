@@ -184,8 +184,9 @@ def plan_again(
     except NothingToSprayError:
         return None
     predicted = predict(planned, process)
-    write_path(round_.path, planned.path)
-    write_layout(round_.plan, planned, predicted.finish.value)
     rebound = msgspec.to_builtins(process.rebound)
-    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": True, "rebound": rebound})
+    with round_.staged() as new:
+        write_path(new.path, planned.path)
+        write_layout(new.plan, planned, predicted.finish.value)
+        write_json(new.prediction, {"planned": predicted.to_dict(), "again": True, "rebound": rebound})
     return planned.path

@@ -32,7 +32,7 @@ def zero_joints(desk: Desk) -> None:
 def recognise_and_solve(desk: Desk) -> None:
     """识别解算: scan, reconstruct, plan and solve, each announced when done."""
     session, setup, folder = desk.session, desk.session.setup, desk.session.round
-    folder.forget("surface", "features", "path", "plan", "prediction", "joints", "trace", "result")
+    folder.forget("surface", "now", "features", "path", "plan", "prediction", "joints", "trace", "result")
     folder.leave_rescans()
     desk.begin_heading()
     source: Path | None = setup.cloud

@@ -107,14 +107,15 @@ def find_expected(sprayed: Round, surface: Surface) -> Array | None:
     return np.asarray(layout.target.offset - growth)
 
 
-def layout_of(round_: Round, path: SprayPath, surface: Surface | None) -> Layout | None:
-    """Return the layout a path was planned with, None if it has none.
+def layout_of(round_: Round, path: SprayPath, surface: Surface) -> Layout | None:
+    """Return the layout a path was planned with, None if it has none: the thesis's has not.
 
     Raises:
-        InputError: A damaged file, or the layout of another path.
+        InputError: A damaged or missing file, or the layout of another path.
     """
-    if surface is None or not round_.plan.exists():
+    if not round_.prediction.exists() and not round_.plan.exists():
         return None
+    round_.need("plan", "plan")
     layout, _, _ = read_layout(round_.plan, surface)
     if len(layout.lines.along) != len(path) or not np.array_equal(layout.lines.bay, path.bay):
         raise InputError(f"{round_.plan}: belongs to another path; run `ascrcp plan` on this round again")

@@ -1,8 +1,10 @@
 """The round folder: where everything recorded about one advance of the heading lies."""
 
 import fcntl
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+import os
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import IO, Any
 
@@ -11,6 +13,7 @@ from ascrcp.core.file import make_folder
 from ascrcp.session.evaluation import RunTrace
 from ascrcp.session.store import read_archive, read_json, write_archive, write_json
 
+STAGED = "staged"  # folder of files that are being written together
 RESCAN = "rescan"  # folders of further scans: rescan-1, rescan-2, ...
 
 
@@ -23,6 +26,7 @@ class Round:
         look: The same from further in, of a further scan: what the first pose does not see.
         cloud: Labelled cloud, PLY.
         surface: Recognised surface.
+        now: The same as a further scan shows it: what the arm keeps clear of after `plan --after`.
         features: features.json (design.md section 9).
         path: Planned nozzle path, CSV (thesis table 4-1).
         plan: What was planned beside the path: passes, layers, wanted surface.
@@ -43,6 +47,7 @@ class Round:
         self.look = folder / "look.npz"
         self.cloud = folder / "cloud.ply"
         self.surface = folder / "surface.npz"
+        self.now = folder / "surface-now.npz"
         self.features = folder / "features.json"
         self.path = folder / "path.csv"
         self.plan = folder / "plan.npz"
@@ -142,6 +147,47 @@ class Round:
         solved_for = self.manifest().get("machine", machine)
         if self.joints.exists() and solved_for != machine:
             raise InputError(f"{self.folder}: solved for machine {solved_for}, not {machine}")
+
+    @contextmanager
+    def staged(self, *untrue: str) -> Iterator["Round"]:
+        """Write several files that belong together: all of them take their places, or none (fault F38).
+
+        Args:
+            untrue: Results that they make untrue, removed once all are written.
+
+        Yields:
+            A round folder beside this one's files, to write them into.
+
+        Raises:
+            InputError: The disk refuses; what was there stays.
+        """
+        place = self.folder / f".{STAGED}.part"
+        shutil.rmtree(place, ignore_errors=True)
+        make_folder(place)
+        try:
+            yield Round(place)
+            self.forget(*untrue)
+            for file in sorted(place.iterdir()):
+                os.replace(file, self.folder / file.name)
+        except OSError as error:
+            raise InputError(f"{self.folder}: cannot be written: {error.strerror or error}") from None
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
+
+    def was_run(self) -> bool:
+        """Whether the folder's joint sequence has been run to its end, as its result tells.
+
+        Raises:
+            InputError: A damaged result.
+        """
+        if not (self.joints.exists() and self.result.exists()):
+            return False
+        found = read_json(self.result)
+        try:
+            points = found["points"]
+            return bool(points["reached"] + points["skipped"] >= points["planned"] - points["left_out"])
+        except (TypeError, KeyError) as error:
+            raise InputError(f"{self.result}: no result of a run: {error}") from None
 
     def forget(self, *names: str) -> None:
         """Remove results that a new run of an earlier stage makes untrue."""

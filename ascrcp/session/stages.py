@@ -18,7 +18,7 @@ from ascrcp.control.move import check_ends, find_changeover, plan_move
 from ascrcp.core.errors import InputError, RecognitionError
 from ascrcp.core.file import make_folder
 from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath, Surface
-from ascrcp.core.geometry import Array, apply_transform
+from ascrcp.core.geometry import apply_transform
 from ascrcp.core.profile import Profile
 from ascrcp.kinematics.arm import Arm, load_arm
 from ascrcp.kinematics.clearance import least_distance
@@ -40,11 +40,11 @@ from ascrcp.planning.dryrun import check_sequence
 from ascrcp.planning.mend import time_and_mend
 from ascrcp.planning.parameter import Parameters as PlanningParameters
 from ascrcp.planning.path import plan as plan_path
-from ascrcp.planning.prediction import Prediction, predict
+from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow
-from ascrcp.planning.spray_plan import SprayPlan, plan_spray, replan
+from ascrcp.planning.spray_plan import plan_spray, replan
 from ascrcp.planning.table import read_joints, read_path, write_joints, write_path
-from ascrcp.session.achieved import find_grid, find_reached
+from ascrcp.session.achieved import Achieved, measure_achieved
 from ascrcp.session.layout_store import find_expected, layout_of, learn, write_layout
 from ascrcp.session.outcome import Loaded, Solution
 from ascrcp.session.round import Round
@@ -95,7 +95,7 @@ def recognise(
         cloud, profile, parameters, progress=lambda _, done: progress(0.2 + 0.7 * done), timing=timing
     )
     make_folder(folder)
-    round_.forget("path", "plan", "prediction", "joints")  # planned on another surface
+    round_.forget("now", "path", "plan", "prediction", "joints")  # planned on another surface
     write_surface(round_.surface, surface)
     write_labelled_cloud(round_.cloud, surface)
     write_json(round_.features, {**build_features(surface, len(cloud.points), timing), **notes})
@@ -132,13 +132,14 @@ def plan(
     after: Path | None = None,
     progress: Progress = quiet,
 ) -> SprayPath:
-    """surface.npz -> path.csv, plan.npz, plan.json.
+    """surface.npz -> path.csv, plan.npz, plan.json; with `after` surface-now.npz too.
 
     Args:
         folder: Round folder.
         config: Planner, distances and the spraying process.
-        after: A second scan of the heading, as a recognised round folder, a round folder with a scan or a
-            cloud in the base frame: only what is still too thin is planned.
+        after: A second scan of the heading, as a recognised round folder or a cloud in the base frame of a
+            machine that has not moved: only what is still too thin is planned. The rebound is learned if
+            the folder's result tells that its plan was driven to its end.
         progress: Called with the fraction done.
 
     Raises:
@@ -151,35 +152,39 @@ def plan(
             raise InputError("a plan after a second scan needs the planner coverage, not thesis")
         path = plan_path(surface, config.path, progress=progress)
         path = replace(path, flow=np.full(len(path), config.process.spray.pump_steps[1]))
-        round_.forget("plan", "prediction", "joints")
+        with round_.staged("now", "plan", "prediction", "joints") as new:
+            write_path(new.path, path)
         round_.leave_rescans()
-        write_path(round_.path, path)
         return path
-    expected = None if after is None else find_expected(round_, surface)
-    found = None if after is None else achieved_surface(surface, config, after, expected)
-    process = config.process if found is None else learn(round_, surface, found, config.process)
-    planned = plan_spray(surface, config.path, process, found, progress)
+    process, found = config.process, None
+    if after is not None:
+        sprayed = round_ if round_.was_run() else None
+        found = _measure_after(surface, config, after, sprayed)
+        process = process if sprayed is None else learn(sprayed, surface, found.after, process)
+    planned = plan_spray(surface, config.path, process, None if found is None else found.after, progress)
     predicted = predict(planned, process)
-    round_.forget("joints")  # of the path before
-    round_.leave_rescans()
-    write_path(round_.path, planned.path)
-    write_layout(round_.plan, planned, predicted.finish.value)
     rebound = msgspec.to_builtins(process.rebound)
-    again = after is not None
-    write_json(round_.prediction, {"planned": predicted.to_dict(), "again": again, "rebound": rebound})
+    told = {"planned": predicted.to_dict(), "again": found is not None, "rebound": rebound}
+    with round_.staged("now", "joints") as new:
+        write_path(new.path, planned.path)
+        write_layout(new.plan, planned, predicted.finish.value)
+        write_json(new.prediction, told)
+        if found is not None:
+            write_surface(new.now, found.surface)
+    round_.leave_rescans()
     return planned.path
 
 
-def achieved_surface(
-    surface: Surface, config: PlanningParameters, after: Path, expected: Array | None
-) -> Array:
-    """Read a second scan and lay it over the first: the surface reached, on the grid of the plan.
+def _measure_after(
+    surface: Surface, config: PlanningParameters, after: Path, sprayed: Round | None
+) -> Achieved:
+    """Read a second scan, lay it over the first and measure what was laid (`measure_achieved`).
 
     Args:
         surface: The heading as recognised before spraying.
         config: For the grid.
         after: Recognised round folder, or a cloud in the base frame of the first scan.
-        expected: Offset that was to be left by what was sprayed [m]; None if not known.
+        sprayed: Folder of the plan that was driven since the first scan; None if none is known to be.
 
     Raises:
         InputError: Nothing readable, or a scan that does not fit the first one.
@@ -187,12 +192,15 @@ def achieved_surface(
     survey = load_survey()
     if after.is_dir():
         second = read_surface(Round(after).need("surface", "recognise"))
-        moved = register(stable_points(surface), stable_points(second), survey.registration)
-        points = apply_transform(moved.T_first_second, second.points.astype(float)).astype(np.float32)
+        points = second.points
     else:
-        points = read_cloud(after).points
+        second, points = None, read_cloud(after).points
+    expected = None if sprayed is None else find_expected(sprayed, surface)
     try:
-        return find_reached(points, surface, find_grid(surface, config), survey, expected)
+        if second is not None:  # the machine may have moved: by what was recognised anew
+            moved = register(stable_points(surface), stable_points(second), survey.registration)
+            points = apply_transform(moved.T_first_second, points.astype(float)).astype(np.float32)
+        return measure_achieved(points, surface, None, config, survey, expected)
     except RecognitionError as error:
         raise InputError(f"{after}: {error}; is it of this heading, in the base frame?") from error
 
@@ -211,7 +219,7 @@ def solve(
     round_ = Round(folder)
     arm = load_arm(machine)
     path = read_path(round_.need("path", "plan"))
-    surface = read_surface(round_.surface) if round_.surface.exists() else None
+    surface = read_surface(round_.need("surface", "recognise"))
     layout = layout_of(round_, path, surface)
     around = find_obstacles(round_, arm, config)
     progress(0.1)
@@ -223,11 +231,7 @@ def solve(
         progress=lambda done: progress(0.1 + 0.75 * done),
         obstacles=around,
     )
-    planned = (
-        None
-        if layout is None or surface is None
-        else replan(layout, surface, found.path, found.solved, config.process)
-    )
+    planned = None if layout is None else replan(layout, surface, found.path, found.solved, config.process)
     driven = found.path if planned is None else planned.path
     mended = time_and_mend(
         arm,
@@ -241,9 +245,13 @@ def solve(
     )
     sequence = fill_flow(mended.timed.sequence, driven, config.process.spray)
     mended.run.require()
-    write_joints(round_.joints, sequence, arm.prismatic)
-    if planned is not None:
-        _write_prediction(round_, planned, predict(planned, config.process, sequence))
+    with round_.staged("trace", "result") as new:  # of the sequence before
+        write_joints(new.joints, sequence, arm.prismatic)
+        if planned is not None:
+            predicted = predict(planned, config.process, sequence)
+            told = read_json(round_.prediction) if round_.prediction.exists() else {}
+            write_layout(new.plan, planned, predicted.finish.value)
+            write_json(new.prediction, {**told, "driven": predicted.to_dict()})
     late = [mended.replaced.get(i, why) for i, why in enumerate(mended.timed.reasons)]
     reasons = tuple(a or b for a, b in zip(found.reasons, late, strict=True))
     return Solution(
@@ -254,13 +262,6 @@ def solve(
         clearance=found.clearance,
         move_clearance=_move_clearance(arm, sequence, around),
     )
-
-
-def _write_prediction(round_: Round, planned: SprayPlan, predicted: Prediction) -> None:
-    """Put what the timed rows will come to beside what the plan asked for."""
-    before = read_json(round_.prediction) if round_.prediction.exists() else {}
-    write_layout(round_.plan, planned, predicted.finish.value)
-    write_json(round_.prediction, {**before, "driven": predicted.to_dict()})
 
 
 def _move_clearance(arm: Arm, sequence: JointSequence, obstacles: Obstacles | None) -> float | None:
@@ -323,10 +324,30 @@ class SaggedArm:
 
 
 def load(folder: Path, machine: str, config: PlanningParameters, progress: Progress = quiet) -> Loaded:
-    """joints.csv -> a sequence checked whole against the arm (thesis 5.3)."""
-    round_ = Round(folder)
+    """joints.csv -> a sequence checked whole against the arm and the heading of the folder (thesis 5.3).
+
+    For which load it was solved is not checked: the hose fills and empties.
+
+    Args:
+        folder: Round folder.
+        machine: Machine name or YAML.
+        config: What the check lets pass, and whether bodies count.
+        progress: Called with the fraction done.
+
+    Raises:
+        InputError: A damaged file, or joints of another path than the folder's.
+        RefusedError: A row that breaks a limit or comes too near to something.
+    """
+    round_, arm = Round(folder), load_arm(machine)
     sequence = read_joints(round_.need("joints", "solve"))
-    progress(0.6)
-    check_sequence(load_arm(machine), sequence, config.check).require()
     planned = len(read_path(round_.path)) if round_.path.exists() else int((sequence.point >= 0).sum())
+    if round_.path.exists() and sequence.point.max(initial=-1) >= planned:
+        raise InputError(
+            f"{round_.joints}: names point {sequence.point.max() + 1}, the path has {planned}; "
+            "run `ascrcp solve` on this round again"
+        )
+    progress(0.3)
+    around = find_obstacles(round_, arm, config)
+    progress(0.6)
+    check_sequence(arm, sequence, config.check, around).require()
     return Loaded(sequence, planned)

@@ -53,33 +53,6 @@ def test_plan_and_solve_carry_the_dose_into_the_joints(folder: Path) -> None:
     assert tree["driven"]["duration_s"] == pytest.approx(sequence.duration)
 
 
-def test_a_second_scan_plans_what_is_thin(folder: Path, tmp_path: Path) -> None:
-    stages.plan(folder, CONFIG)
-    target = read_layout(Round(folder).plan, SURFACE)[0].target
-    first = len(read_path(Round(folder).path))
-    T = SURFACE.axis.T_base_tunnel
-    thin = (np.abs(target.along - 14.0) < 0.4)[None, :] & np.ones(target.offset.shape, dtype=bool)
-    S, A = np.meshgrid(target.station, target.along, indexing="ij")
-    yz = target.profile.point(A, target.wanted + 0.06 * thin).reshape(-1, 2)
-    points = np.column_stack([S.ravel(), yz]) @ T[:3, :3].T + T[:3, 3]
-    cloud = tmp_path / "after.xyz"
-    np.savetxt(cloud, np.vstack([points, points + 0.005]), fmt="%.5f")
-    again = stages.plan(folder, CONFIG, cloud)
-    assert 0 < len(again) < 0.4 * first
-    tree = read_json(Round(folder).prediction)
-    assert tree["again"] and "driven" not in tree
-    assert read_layout(Round(folder).plan, SURFACE)[0].again
-
-
-def test_a_second_scan_of_another_place_is_refused(folder: Path, tmp_path: Path) -> None:
-    elsewhere = tmp_path / "cloud.xyz"
-    np.savetxt(elsewhere, SURFACE.points[::20] * [1.0, 0.7, 0.7], fmt="%.3f")
-    before = stages.plan(folder, CONFIG)
-    with pytest.raises(InputError, match=r"of the wall of the first one.*this heading"):
-        stages.plan(folder, CONFIG, elsewhere)
-    assert len(read_path(Round(folder).path)) == len(before), "the plan before stays"
-
-
 @pytest.mark.parametrize("config", [CONFIG, THESIS])
 def test_a_new_plan_leaves_no_joints_of_the_old_one_to_run(folder: Path, config: Parameters) -> None:
     joints = Round(folder).joints
@@ -106,6 +79,10 @@ def test_a_plan_of_another_path_is_refused(folder: Path) -> None:
     stages.plan(folder, THESIS)
     Round(folder).plan.write_bytes(kept)
     with pytest.raises(InputError, match="belongs to another path"):
+        stages.solve(folder, "kc", CONFIG, 0.0)
+    Round(folder).prediction.write_text("{}")
+    Round(folder).plan.unlink()
+    with pytest.raises(InputError, match=r"plan\.npz: not there"):
         stages.solve(folder, "kc", CONFIG, 0.0)
     Round(folder).plan.write_bytes(kept[: len(kept) // 2])
     with pytest.raises(InputError, match=r"plan\.npz"):

@@ -13,7 +13,7 @@ from ascrcp.planning.finish import judge_finish
 from ascrcp.planning.layer import limit_layer
 from ascrcp.planning.learning import learn_rebound
 from ascrcp.planning.misfit import held_back, steepness
-from ascrcp.planning.parameter import change, load_parameters
+from ascrcp.planning.parameter import change, check_parameters, load_parameters
 from ascrcp.planning.prediction import predict
 from ascrcp.planning.pump import fill_flow, laid_amount
 from ascrcp.planning.rescan import find_after
@@ -190,6 +190,10 @@ def test_nonsense_is_refused() -> None:
             plan_spray(SURFACE, change(PARAMETERS.path, **{name: value}), PROCESS)
     with pytest.raises(ConfigError, match="pump_m3_h"):
         plan_spray(SURFACE, PARAMETERS.path, change(PROCESS, spray=change(PROCESS.spray, pump_m3_h=-1.0)))
+    with pytest.raises(ConfigError, match=r"gap_m 0\.2 must exceed point_spacing_m 0\.2"):
+        check_parameters(change(PARAMETERS, timing=change(PARAMETERS.timing, gap_m=0.2)))
+    with pytest.raises(NothingToSprayError, match=r"stand_off_m 3 and rebound best_m 1 80 % rebound"):
+        plan_spray(SURFACE, change(PARAMETERS.path, stand_off_m=3.0), PROCESS)
     with pytest.raises(InputError, match="no bay"):
         make(dataclasses.replace(SURFACE, bays=()))
     with pytest.raises(InputError, match="nothing was seen"):
