@@ -44,7 +44,8 @@ from ascrcp.session.steering import KernelMaker
 from ascrcp.session.store import write_json
 from ascrcp.session.surroundings import find_obstacles
 from ascrcp.simulation.deposition import DepositionConfig
-from ascrcp.simulation.growth import GrowthConfig, NozzleRecord, SprayTruth
+from ascrcp.simulation.fresh import GrowthConfig
+from ascrcp.simulation.growth import NozzleRecord, SprayTruth
 from ascrcp.simulation.heading import build_heading
 from ascrcp.simulation.lidar import LidarServer
 from ascrcp.simulation.lidar_model import LidarConfig

@@ -68,7 +68,7 @@ def bench(options: Options, output: Output) -> int:
         from ascrcp.cli.bench_planning import measure_planning
 
         figures += measure_chain(options.machine, options.seed, output.say)
-        proofs += measure_planning(options.machine, options.seed, output.say)
+        proofs += measure_planning(options.machine, options.seed, options.rig, output.say)
     if options.which in ("all", "proof"):
         from ascrcp.cli.bench_proof import prove_inverse
 

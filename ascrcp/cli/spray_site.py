@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from ascrcp.core.config import load
+from ascrcp.app import Simulation
 from ascrcp.core.flow import Cloud, JointSequence, Scan, SprayPath
 from ascrcp.core.geometry import Array, angle_between, apply_transform, inverse_transform
-from ascrcp.core.paths import CONFIG
 from ascrcp.kinematics.arm import Arm
 from ascrcp.kinematics.look import find_look_pose
 from ascrcp.kinematics.obstacle import Obstacles
@@ -18,7 +17,7 @@ from ascrcp.perception.parameter import load_parameters as load_perception
 from ascrcp.perception.profile_line import curvature
 from ascrcp.perception.project import project
 from ascrcp.perception.recognise import recognise
-from ascrcp.planning.parameter import Parameters
+from ascrcp.planning.parameter import Parameters, change
 from ascrcp.planning.path import plan as plan_thesis
 from ascrcp.planning.pump import fill_flow
 from ascrcp.planning.spray_plan import SprayPlan, replan
@@ -26,13 +25,13 @@ from ascrcp.planning.target import ARCH_DEPTH_M, Target, find_target, mean_finis
 from ascrcp.planning.timing import time_path
 from ascrcp.planning.wall import fit_wall
 from ascrcp.simulation.bare_wall import lay_bare, sample
-from ascrcp.simulation.deposition import Grown, Sprayer, load_deposition
+from ascrcp.simulation.deposition import Grown, Sprayer
 from ascrcp.simulation.heading import Heading, build_heading
-from ascrcp.simulation.lidar_model import LidarConfig, LidarModel
-from ascrcp.simulation.tunnel import TunnelConfig
+from ascrcp.simulation.lidar_model import LidarModel
 
 HIT_STEPS = 4  # to find where a jet meets the wall; the wall is nearly square to it
 MET_M = 0.005  # cells that get less are beside the spray, not under it; placeholder
+SCANS, JET = 1, 1000  # streams of chance beside the heading's own
 PAN_STEP_DEG = 0.4  # coarser than the machine's sweep: a third of its points, for time
 
 
@@ -57,20 +56,19 @@ class Finish:
 class Site:
     """One heading with its true wall, scanned and recognised."""
 
-    def __init__(self, arm: Arm, seed: int, parameters: Parameters) -> None:
-        self.arm, self.seed, self.parameters = arm, seed, parameters
-        tunnel = load(CONFIG / "simulation" / "tunnel.yaml", TunnelConfig, {"bodies": []})
+    def __init__(self, arm: Arm, seed: int, parameters: Parameters, simulation: Simulation) -> None:
+        self.arm, self.seed, self.parameters, self.simulation = arm, seed, parameters, simulation
+        tunnel = change(simulation.tunnel, bodies=[])
         self.heading = build_heading(tunnel, np.random.default_rng(seed))
         self.surface = recognise(self.scan(self.heading, 0), self.heading.truth.profile, load_perception())
-        self._deposition = load_deposition()
-        self.bare = lay_bare(self.heading, self._deposition.cell_m, ARCH_DEPTH_M)
+        self.bare = lay_bare(self.heading, simulation.jet.cell_m, ARCH_DEPTH_M)
         self.truth = self._find_truth()
 
     def scan(self, heading: Heading, number: int, q: Array | None = None) -> Cloud:
         """Scan from the zero pose or another; every scan has noise of its own."""
         q = self.arm.zero_pose if q is None else q
-        config = load(CONFIG / "simulation" / "lidar.yaml", LidarConfig)
-        lidar, rng = LidarModel(config, heading), np.random.default_rng([self.seed, number])
+        config = self.simulation.lidar
+        lidar, rng = LidarModel(config, heading), np.random.default_rng([self.seed, SCANS + number])
         mount = self.arm.lidar(q)
         pan = np.radians(np.arange(-90.0, 90.0, PAN_STEP_DEG))
         ranges = np.array([lidar.measure(mount, angle, rng) for angle in pan], dtype=np.float32)
@@ -94,7 +92,8 @@ class Site:
 
     def sprayer(self) -> Sprayer:
         """Return a fresh wall with a jet drawn from the heading's seed."""
-        return Sprayer(self.bare, self._deposition, np.random.default_rng([self.seed, 1000]))
+        rng = np.random.default_rng([self.seed, JET])
+        return Sprayer(self.bare, self.simulation.jet, rng, self.simulation.growth)
 
     def spray(self, sprayer: Sprayer, sequence: JointSequence) -> Grown:
         """Spray a sequence onto what the sprayer has laid before."""
@@ -188,8 +187,11 @@ class Site:
         truth = self.truth
         station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
         met = plan.target.sample((plan.growth > MET_M).astype(float), station, along) > 0.5
-        beside = truth.volume(truth.thickness)[met.reshape(truth.offset.shape) & truth.inside].sum()
-        return float(beside) + self.filled_beneath(grown)
+        row = (station - self.bare.station[0]) / (self.bare.station[1] - self.bare.station[0])
+        column = (along - self.bare.along[0]) / (self.bare.along[1] - self.bare.along[0])
+        beneath = sample(np.isfinite(self.bare.flange).astype(float), row, column).reshape(truth.arch.shape)
+        beside = truth.volume(truth.thickness) * np.where(truth.arch, 1.0, 1.0 - beneath)
+        return float(beside[met.reshape(truth.arch.shape) & truth.inside].sum()) + self.filled_beneath(grown)
 
     def filled_beneath(self, grown: Grown) -> float:
         """Concrete on the rock beneath flanges that lies before the wanted surface [m3]."""

@@ -11,7 +11,7 @@ from ascrcp.core.flow import SprayPath, Surface
 from ascrcp.core.geometry import Array, apply_transform
 from ascrcp.core.profile import section_angle
 from ascrcp.planning.deposition import Jet
-from ascrcp.planning.layer import count_layers, find_parts, smooth_wall, wall_before
+from ascrcp.planning.layer import count_layers, find_parts, smooth_wall, take_turns, wall_before
 from ascrcp.planning.parameter import PlanningParameters, change
 from ascrcp.planning.path import spray_angle, spray_direction, withdraw
 from ascrcp.planning.process import ProcessParameters
@@ -121,8 +121,10 @@ class Coverage:
         Raises:
             NothingToSprayError: Not one point can be sprayed.
         """
-        passes = [p for bay in range(len(self._surface.bays)) for p in self._deep(bay)]
-        for bay in range(len(self._surface.bays)):
+        bays = range(len(self._surface.bays))
+        turns = take_turns([part for bay in bays for part in self._deep(bay)])
+        passes = [one for layer in turns for one in layer]
+        for bay in bays:
             passes += self._last(bay)
         found = []
         for number, one in enumerate(passes):
@@ -154,20 +156,19 @@ class Coverage:
         before, after = ends.arch_before is not None, ends.arch_after is not None
         return np.array([-beyond] * before + [1.0 + beyond] * after)
 
-    def _deep(self, bay: int) -> list[_Pass]:
-        """Lay the further layers of a bay, part by part, deepest first (thesis 3.3.4)."""
+    def _deep(self, bay: int) -> list[list[list[_Pass]]]:
+        """Lay the further layers of a bay: of each deep part its layers, deepest first (thesis 3.3.4)."""
         inside = self._bay_cells(bay) & self._where
-        deepest = int(self.layers[inside].max(initial=1))
-        passes: list[_Pass] = []
-        parts = find_parts(inside & (self.layers >= 2), self._target.cell) if deepest > 1 else []
-        for part in parts:
+        found: list[list[list[_Pass]]] = []
+        for part in find_parts(inside & (self.layers >= 2), self._target.cell):
+            layers: list[list[_Pass]] = []
             for layer in range(int(self.layers[part & inside].max(initial=1)), 1, -1):
                 here = [
                     p & part for p in find_parts(part & inside & (self.layers >= layer), self._target.cell)
                 ]
-                for piece in here:
-                    passes += self._cover(bay, piece, layer)
-        return passes
+                layers.append([p for piece in here for p in self._cover(bay, piece, layer)])
+            found.append(layers)
+        return found
 
     def _last(self, bay: int) -> list[_Pass]:
         """Lay the last layer of a bay, then the arch that ends it."""

@@ -1,5 +1,8 @@
 """Layers: how often a place is sprayed so that no layer falls off, and the wall between two of them."""
 
+from collections.abc import Sequence
+from typing import TypeVar
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation, gaussian_filter, label
@@ -10,6 +13,7 @@ from ascrcp.planning.process import LayerParameters, ProcessParameters
 from ascrcp.planning.target import Target, mean_patch
 from ascrcp.planning.wall import Wall, past_heaps
 
+T = TypeVar("T")
 SMALLEST_M2 = 0.08  # a smaller part of a further layer is left to the last one; about a patch
 EVENNESS = 0.5  # mean over largest thickness of one layer: passes in a deep place are few and end in it
 OVERLAP_M = 0.06  # a layer's passes reach so far beyond where it is needed; half a footprint's core
@@ -38,6 +42,21 @@ def find_parts(mask: NDArray[np.bool_], cell: tuple[float, float]) -> list[NDArr
     joined, count = label(binary_dilation(mask, iterations=reach), structure=np.ones((3, 3)))
     parts = [joined == number for number in range(1, count + 1)]
     return [part for part in parts if (mask & part).sum() * cell[0] * cell[1] >= SMALLEST_M2]
+
+
+def take_turns(parts: Sequence[Sequence[T]]) -> list[T]:
+    """Order the layers of all deep parts in turn, each part's spread evenly over the whole time.
+
+    A layer laid at once onto the one before it hangs on what has not set, and both fall off.
+
+    Args:
+        parts: The layers of each part in their order.
+
+    Returns:
+        The layers of all parts, shape (sum of the parts' lengths,).
+    """
+    turns = [((i + 0.5) / len(part), layer) for part in parts for i, layer in enumerate(part)]
+    return [layer for _, layer in sorted(turns, key=lambda turn: turn[0])]
 
 
 def wall_before(target: Target, layers: NDArray[np.int64], layer: int) -> Array:

@@ -18,6 +18,7 @@ from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array, inverse_transform
 from ascrcp.core.paths import CONFIG
 from ascrcp.simulation.bare_wall import Bare, sample
+from ascrcp.simulation.fresh import Fresh, GrowthConfig
 from ascrcp.simulation.tunnel import Range, draw
 
 NEAREST_M, FARTHEST_M, MARCH = (
@@ -26,11 +27,6 @@ NEAREST_M, FARTHEST_M, MARCH = (
     18,
 )  # where along a ray the wall is looked for, and in how many steps
 GOLDEN = np.pi * (3.0 - np.sqrt(5.0))  # angle between neighbours of a sunflower
-PACK_M = 0.03  # the jet packs and levels what it lays over about the largest aggregate's reach; placeholder
-CUT_SIGMA = 2.8  # a jet has no rays beyond so many standard deviations
-PROBE_M = (
-    0.15  # rebound by angle is known for jets on flat panels: the slope counts over the jet, not a stone
-)
 MAX_REBOUND = 0.9
 
 Positive = Annotated[float, msgspec.Meta(gt=0.0, le=100.0)]
@@ -51,6 +47,9 @@ class DepositionConfig(Struct):
     pump_lag_s: Range
     aim_error_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.5)]
     aim_wander_s: Positive
+    cut_sigma: Annotated[float, msgspec.Meta(ge=1.0, le=5.0)]
+    pack_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.3)]
+    slope_m: Annotated[float, msgspec.Meta(ge=0.02, le=0.5)]
 
 
 def load_deposition(path: Path = CONFIG / "simulation" / "deposition.yaml") -> DepositionConfig:
@@ -73,6 +72,7 @@ class Grown:
         rebound: Of it, what rebounded [m3].
         behind: Of it, what stuck to the flanks and backs of arches [m3].
         missed: Of it, what met nothing within reach or left the wall kept [m3].
+        fallen: Of what stuck, what fell off before it had set [m3].
     """
 
     rock: Array
@@ -81,12 +81,15 @@ class Grown:
     rebound: float = 0.0
     behind: float = 0.0
     missed: float = 0.0
+    fallen: float = 0.0
 
 
 class Sprayer:
     """Sprays a heading's wall; what differs from the planner's belief is drawn from the generator."""
 
-    def __init__(self, bare: Bare, config: DepositionConfig, rng: np.random.Generator) -> None:
+    def __init__(
+        self, bare: Bare, config: DepositionConfig, rng: np.random.Generator, growth: GrowthConfig
+    ) -> None:
         self._bare, self._config, self._rng = bare, config, rng
         self.deviation = draw(rng, config.deviation_m)
         self.rebound_wall = draw(rng, config.rebound_wall)
@@ -99,9 +102,10 @@ class Sprayer:
         self._ds = float(bare.station[1] - bare.station[0])
         self._da = float(bare.along[1] - bare.along[0])
         self._radius = _radius(bare)
+        self._fresh = Fresh(bare, growth, rng)
 
     def spray(self, sequence: JointSequence, T_base_tunnel: Array, pump_m3_s: float) -> Grown:
-        """Spray a timed sequence and let the wall grow.
+        """Spray a timed sequence and let the wall grow; what was laid by one before has set.
 
         Args:
             sequence: Nozzle pose, and flow as a fraction of the pump's largest.
@@ -120,10 +124,11 @@ class Sprayer:
         )
         heading = np.column_stack([np.interp(t, sequence.t, x) for x in sequence.direction.T]) @ T[:3, :3].T
         place = place + self._wander(len(t))
+        self._fresh.set()
         many = max(1, round(c.batch_s / c.step_s))
         for start in range(0, len(t), many):
             part = slice(start, start + many)
-            self._batch(place[part], heading[part], volume[part])
+            self._batch(place[part], heading[part], volume[part], float(t[part][-1]))
         return self.grown
 
     def _lagged(self, t: Array, sequence: JointSequence) -> Array:
@@ -145,8 +150,9 @@ class Sprayer:
         size = noise.std() if count > 1 else 1.0
         return np.asarray(noise * (c.aim_error_m / np.sqrt(3.0) / max(size, 1e-9)))
 
-    def _batch(self, place: Array, heading: Array, volume: Array) -> None:
+    def _batch(self, place: Array, heading: Array, volume: Array, now_s: float) -> None:
         c, bare = self._config, self._bare
+        before = np.stack([self.grown.rock, self.grown.flange])
         n = len(place) * c.rays
         d = np.repeat(heading / np.linalg.norm(heading, axis=1, keepdims=True), c.rays, axis=0)
         origin, amount = np.repeat(place, c.rays, axis=0), np.repeat(volume / c.rays, c.rays)
@@ -176,6 +182,18 @@ class Sprayer:
             behind=self.grown.behind + float(stuck[flank].sum()),
             missed=self.grown.missed + float(amount[~met].sum() + stuck[met & ~inside].sum()),
         )
+        self._let_fall(now_s, before)
+
+    def _let_fall(self, now_s: float, before: Array) -> None:
+        """Take off the wall what hangs too thick before it has set (`Fresh`)."""
+        bare, now = self._bare, np.stack([self.grown.rock, self.grown.flange])
+        falls = self._fresh.add(now_s, now - before, now)
+        if falls.any():
+            self.grown.rock[...] -= falls[0]
+            self.grown.flange[...] -= falls[1]
+            place = np.stack([bare.rock, np.nan_to_num(bare.flange)])
+            size = self._ds * self._da * (1.0 + place / self._radius)
+            self.grown = replace(self.grown, fallen=self.grown.fallen + float((falls * size).sum()))
 
     def _spread(self, d: Array, n: int) -> Array:
         """Tell where rays leave the axis: a Gaussian jet, cut off at its rim, shape (n, 3).
@@ -186,9 +204,8 @@ class Sprayer:
         rays = self._config.rays
         instants = n // rays
         share = (np.arange(rays) + self._rng.random((instants, 1))) / rays
-        tangent = (
-            self.deviation * np.sqrt(-2.0 * np.log(1.0 - share * (1.0 - np.exp(-(CUT_SIGMA**2) / 2)))).ravel()
-        )
+        within = 1.0 - np.exp(-(self._config.cut_sigma**2) / 2)
+        tangent = self.deviation * np.sqrt(-2.0 * np.log(1.0 - share * within)).ravel()
         angle = (GOLDEN * np.arange(rays) + 2.0 * np.pi * self._rng.random((instants, 1))).ravel()
         side = np.cross(d, [1.0, 0.0, 0.0])
         side /= np.linalg.norm(side, axis=1, keepdims=True)
@@ -247,9 +264,10 @@ class Sprayer:
         normal = bare.profile.normal(hit[:, 1])
         row, column = (hit[:, 0] - bare.station[0]) / self._ds, (hit[:, 1] - bare.along[0]) / self._da
         wall = bare.rock - self.grown.rock
-        dr, dc = PROBE_M / self._ds, PROBE_M / self._da
-        by_station = (sample(wall, row + dr, column) - sample(wall, row - dr, column)) / (2 * PROBE_M)
-        by_along = (sample(wall, row, column + dc) - sample(wall, row, column - dc)) / (2 * PROBE_M)
+        probe = self._config.slope_m
+        dr, dc = probe / self._ds, probe / self._da
+        by_station = (sample(wall, row + dr, column) - sample(wall, row - dr, column)) / (2 * probe)
+        by_along = (sample(wall, row, column + dc) - sample(wall, row, column - dc)) / (2 * probe)
         plain = face > 0
         by_station, by_along = np.where(plain, 0.0, by_station), np.where(plain, 0.0, by_along)
         out = d[:, 1] * normal[:, 0] + d[:, 2] * normal[:, 1]
@@ -278,7 +296,8 @@ class Sprayer:
         ):
             np.add.at(laid, (r + i, c + j), w * height)
         if field is self.grown.rock:
-            laid = gaussian_filter(laid, (PACK_M / self._ds, PACK_M / self._da), mode="nearest", truncate=2.5)
+            pack = self._config.pack_m
+            laid = gaussian_filter(laid, (pack / self._ds, pack / self._da), mode="nearest", truncate=2.5)
         field += laid
 
 

@@ -5,35 +5,18 @@ that of `deposition`; what hangs too thick before it has set falls off, with all
 """
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Any
 
-import msgspec
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
 
-from ascrcp.core.config import Struct
 from ascrcp.core.geometry import Array, inverse_transform
 from ascrcp.simulation.bare_wall import Bare, grow_heading, lay_bare
 from ascrcp.simulation.deposition import DepositionConfig, Grown, Sprayer
+from ascrcp.simulation.fresh import GrowthConfig
 from ascrcp.simulation.heading import Heading
-from ascrcp.simulation.tunnel import Range, draw
 
 STREAM = 5  # of chance, beside the rig's own and the heading's
 LEAST_FLOW = 1e-3  # less is a pump that stands
-
-Positive = Annotated[float, msgspec.Meta(gt=0.0, le=1000.0)]
-
-
-class GrowthConfig(Struct):
-    """config/simulation/growth.yaml."""
-
-    grows: bool
-    batch_s: Positive
-    fall_wall_m: Range
-    fall_crown_m: Range
-    fall_patch_m: Annotated[float, msgspec.Meta(gt=0.0, le=2.0)]
-    set_s: Range
 
 
 @dataclass(frozen=True)
@@ -95,9 +78,9 @@ class NozzleRecord:
 class _Jet(Sprayer):
     """A jet told nozzle by nozzle; lag and wander are the rig's own, where `Sprayer` has to add them."""
 
-    def lay(self, place: Array, direction: Array, indicated: Array) -> None:
-        """Spray from nozzles in the tunnel frame, shape (n, 3) each; indicated volumes [m3], shape (n,)."""
-        self._batch(place, direction, indicated * self._gain)
+    def lay(self, place: Array, direction: Array, indicated: Array, now_s: float) -> None:
+        """Spray until an instant from nozzles in the tunnel frame (n, 3); indicated volumes [m3], (n,)."""
+        self._batch(place, direction, indicated * self._gain, now_s)
 
     @property
     def patch(self) -> float:
@@ -117,52 +100,26 @@ class GrowingWall:
         self._rng = np.random.default_rng([seed, STREAM])
         self._T_tunnel_base = inverse_transform(heading.truth.axis.T_base_tunnel)
         self._bare: Bare | None = None
-        self.fallen = self._now_s = 0.0
 
     def lay(self, batch: Array) -> None:
         """Let the wall grow by one batch of a `NozzleRecord`, shape (n, 8)."""
         if self._bare is None:
             self._begin()
         jet, T = self._jet, self._T_tunnel_base
-        before = jet.grown.rock.copy(), jet.grown.flange.copy()
-        jet.lay(batch[:, 1:4] @ T[:3, :3].T + T[:3, 3], batch[:, 4:7] @ T[:3, :3].T, batch[:, 7])
-        now = float(batch[-1, 0])
-        self._fresh *= self._sets ** max(0.0, now - self._now_s)
-        self._now_s = now
-        laid = jet.grown.rock - before[0], jet.grown.flange - before[1]
-        self._fresh += np.stack(laid)
-        self._drop()
+        jet.lay(
+            batch[:, 1:4] @ T[:3, :3].T + T[:3, 3],
+            batch[:, 4:7] @ T[:3, :3].T,
+            batch[:, 7],
+            float(batch[-1, 0]),
+        )
 
     def _begin(self) -> None:
         """Measure the wall as the jet meets it; wire mesh holds back nothing."""
-        config, rock = self._truth.growth, self._heading
+        rock = self._heading
         if rock.solid is not None:
             rock = replace(rock, triangles=rock.triangles[: rock.solid], solid=None)
         bare = self._bare = lay_bare(rock, self._truth.jet.cell_m, self._truth.arch_depth)
-        self._jet = _Jet(bare, self._truth.jet, self._rng)
-        wall, crown = draw(self._rng, config.fall_wall_m), draw(self._rng, config.fall_crown_m)
-        up = np.clip(bare.profile.normal(bare.along)[:, 1], 0.0, 1.0) ** 2
-        self._holds = wall + (crown - wall) * up
-        self._sets = float(np.exp(-1.0 / draw(self._rng, config.set_s)))
-        self._fresh = np.zeros((2, *bare.rock.shape))
-
-    def _drop(self) -> None:
-        """Let fall what hangs too thick before it has set: all that is fresh there."""
-        bare, grown = self._bare, self._jet.grown
-        assert bare is not None
-        sigma = self._truth.growth.fall_patch_m / np.sqrt(self._jet.patch)
-        heavy: NDArray[np.bool_] = gaussian_filter(self._fresh.sum(axis=0), sigma) > self._holds
-        if not heavy.any():
-            return
-        # a layer that is older hangs on
-        fresh = np.minimum(self._fresh * heavy, np.stack([grown.rock, grown.flange]))
-        size = self._jet.patch * np.stack(
-            [self._jet.stretch(bare.rock), self._jet.stretch(np.nan_to_num(bare.flange))]
-        )
-        self.fallen += float((fresh * size).sum())
-        grown.rock[...] -= fresh[0]
-        grown.flange[...] -= fresh[1]
-        self._fresh[:, heavy] = 0.0
+        self._jet = _Jet(bare, self._truth.jet, self._rng, self._truth.growth)
 
     def heading(self) -> Heading:
         """Return the heading with its layer on, for the lidar."""
@@ -185,7 +142,7 @@ class GrowingWall:
         return {
             "pumped_m3": grown.pumped,
             "rebound_m3": grown.rebound,
-            "fallen_m3": self.fallen,
+            "fallen_m3": grown.fallen,
             "on_rock_m3": held["on_rock"],
             "on_arches_m3": held["on_arches"],
             "behind_arches_m3": grown.behind,

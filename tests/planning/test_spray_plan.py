@@ -10,7 +10,7 @@ from ascrcp.planning import misfit, prune
 from ascrcp.planning.deposition import Jet, deposit
 from ascrcp.planning.dose import SAMPLES, explain, find_stretches, renew_stretches, solve_dose
 from ascrcp.planning.finish import judge_finish
-from ascrcp.planning.layer import limit_layer
+from ascrcp.planning.layer import limit_layer, take_turns
 from ascrcp.planning.learning import learn_rebound
 from ascrcp.planning.misfit import held_back, steepness
 from ascrcp.planning.parameter import change, check_parameters, load_parameters
@@ -482,3 +482,14 @@ def test_two_passes_that_lay_the_same_do_not_share_a_litre_so_that_neither_is_dr
     thin = (np.abs(PLAN.target.station[:, None] - 11.7) < 0.15) & (np.abs(PLAN.target.along - 13.0) < 0.15)
     again = make(after=np.where(thin, PLAN.target.wanted + 0.035, PLAN.target.wanted))
     assert again.growth[thin].mean() > 0.008
+
+
+@pytest.mark.parametrize("counts", [(3,), (1, 4), (10, 3, 3), ()])
+def test_layers_of_deep_parts_take_turns_evenly(counts: tuple[int, ...]) -> None:
+    turns = take_turns([[(part, i) for i in range(count)] for part, count in enumerate(counts)])
+    assert len(turns) == sum(counts)
+    for part, count in enumerate(counts):
+        at = [k for k, (mine, _) in enumerate(turns) if mine == part]
+        assert [turns[k][1] for k in at] == list(range(count)), "deepest first"
+        gaps = np.diff([-1, *at, len(turns)])
+        assert gaps.min(initial=len(turns)) >= len(turns) // (2 * count + 1), "none twice in a row needlessly"

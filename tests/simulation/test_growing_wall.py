@@ -13,7 +13,8 @@ from ascrcp.core.geometry import Array, apply_transform, rotation
 from ascrcp.core.paths import CONFIG
 from ascrcp.devices.lidar import SickLidar
 from ascrcp.simulation.deposition import load_deposition
-from ascrcp.simulation.growth import GrowingWall, GrowthConfig, NozzleRecord, SprayTruth
+from ascrcp.simulation.fresh import GrowthConfig
+from ascrcp.simulation.growth import GrowingWall, NozzleRecord, SprayTruth
 from ascrcp.simulation.heading import Heading, build_heading
 from ascrcp.simulation.lidar import LidarServer
 from ascrcp.simulation.lidar_model import LidarConfig

@@ -8,7 +8,8 @@ from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import apply_transform
 from ascrcp.core.paths import CONFIG
 from ascrcp.simulation.bare_wall import Bare, grow_heading, lay_bare
-from ascrcp.simulation.deposition import DepositionConfig, Sprayer, load_deposition
+from ascrcp.simulation.deposition import DepositionConfig, Grown, Sprayer
+from ascrcp.simulation.fresh import GrowthConfig
 from ascrcp.simulation.heading import Heading, build_heading
 from ascrcp.simulation.tunnel import TunnelConfig
 
@@ -31,11 +32,22 @@ def config(**overlay: object) -> DepositionConfig:
     return load(CONFIG / "simulation" / "deposition.yaml", DepositionConfig, overlay)
 
 
-def aim(heading: Heading, station: float, phi_deg: float, seconds: float, flow: float = 1.0) -> JointSequence:
-    """Stand 1 m before a place of the wall and spray it squarely."""
-    T, phi = heading.truth.axis.T_base_tunnel, np.radians(phi_deg)
+def sprayer_of(bare: Bare, seed: int = 1, growth: dict[str, object] | None = None, **jet: object) -> Sprayer:
+    """A jet with parameters of its own; what it lays stays up unless it is told otherwise."""
+    holds = {"fall_wall_m": [9.0, 9.0], "fall_crown_m": [9.0, 9.0]} if growth is None else growth
+    falls = load(CONFIG / "simulation" / "growth.yaml", GrowthConfig, holds)
+    return Sprayer(bare, config(**jet), np.random.default_rng(seed), falls)
+
+
+def aim(
+    heading: Heading, station: float, phi_deg: float, seconds: float, flow: float = 1.0, tilt_deg: float = 0.0
+) -> JointSequence:
+    """Stand 1 m before a place of the wall and spray it squarely, or tilted along the tunnel."""
+    T, phi, tilt = heading.truth.axis.T_base_tunnel, np.radians(phi_deg), np.radians(tilt_deg)
     outward = np.array([0.0, -np.cos(phi), np.sin(phi)])
-    place = apply_transform(T, (np.array([station, 0.0, 0.0]) + 4.9 * outward)[None])
+    centre = np.array([station, 0.0, 0.0]) + 5.9 * outward
+    outward = np.cos(tilt) * outward + np.sin(tilt) * np.array([1.0, 0.0, 0.0])
+    place = apply_transform(T, (centre - outward)[None])
     t = np.array([0.0, seconds, seconds + 5.0])
     return JointSequence(
         t=t,
@@ -67,7 +79,7 @@ def test_the_bare_wall_is_the_rock_alone_and_knows_what_buries_it(heading: Headi
 
 
 def test_every_drop_is_accounted_for(heading: Heading, bare: Bare) -> None:
-    sprayer = Sprayer(bare, load_deposition(), np.random.default_rng(1))
+    sprayer = sprayer_of(bare, 1)
     station = heading.truth.arches[0].station - 0.12
     grown = sprayer.spray(aim(heading, station, 60.0, 6.0, 0.5), heading.truth.axis.T_base_tunnel, PUMP)
     assert grown.pumped == pytest.approx(6.0 * 0.5 * PUMP, rel=0.03)
@@ -82,8 +94,7 @@ def test_every_drop_is_accounted_for(heading: Heading, bare: Bare) -> None:
 
 def test_the_layer_lies_where_the_nozzle_aims(heading: Heading, bare: Bare) -> None:
     station = heading.truth.unsprayed[0] + 0.5
-    quiet = config(aim_error_m=0.0, deviation_m=[0.1, 0.1])
-    sprayer = Sprayer(bare, quiet, np.random.default_rng(1))
+    sprayer = sprayer_of(bare, aim_error_m=0.0, deviation_m=[0.1, 0.1])
     grown = sprayer.spray(aim(heading, station, 100.0, 3.0), heading.truth.axis.T_base_tunnel, PUMP)
     weight = grown.rock / grown.rock.sum()
     middle = (weight.sum(axis=1) * bare.station).sum()
@@ -95,18 +106,75 @@ def test_the_layer_lies_where_the_nozzle_aims(heading: Heading, bare: Bare) -> N
 
 
 def test_the_pump_lags_and_nothing_flows_before(heading: Heading, bare: Bare) -> None:
-    slow = Sprayer(bare, config(pump_lag_s=[3.0, 3.0]), np.random.default_rng(1))
-    fast = Sprayer(bare, config(pump_lag_s=[0.05, 0.05]), np.random.default_rng(1))
+    slow = sprayer_of(bare, pump_lag_s=[3.0, 3.0])
+    fast = sprayer_of(bare, pump_lag_s=[0.05, 0.05])
     T = heading.truth.axis.T_base_tunnel
     short = aim(heading, heading.truth.unsprayed[0] + 0.5, 100.0, 1.0)
     a, b = (s.spray(short, T, PUMP).pumped for s in (slow, fast))
     assert a < 0.85 * b
 
 
+def spray(sprayer: Sprayer, heading: Heading, bare: Bare, **how: float) -> tuple[Grown, float]:
+    """Spray a smooth part of the wall; return what it did and how wide the layer lies along the axis [m]."""
+    before = sprayer.grown.rock.copy()
+    where = {"station": heading.truth.unsprayed[0] + 0.45, "phi_deg": 60.0, "seconds": 3.0, **how}
+    grown = sprayer.spray(aim(heading, **where), heading.truth.axis.T_base_tunnel, PUMP)
+    weight = (grown.rock - before).sum(axis=1)
+    middle = np.average(bare.station, weights=weight)
+    return grown, float(np.sqrt(np.average((bare.station - middle) ** 2, weights=weight)))
+
+
+def test_rebound_is_what_was_drawn_and_grows_with_the_angle(heading: Heading, bare: Bare) -> None:
+    plain = {"rebound_wall": [0.1, 0.1], "rebound_crown": [0.4, 0.4]}
+
+    def lost(angle: float, **how: float) -> float:
+        grown, _ = spray(sprayer_of(bare, rebound_angle=[angle, angle], **plain), heading, bare, **how)
+        return grown.rebound / grown.pumped
+
+    assert lost(0.0, phi_deg=0.0) == pytest.approx(0.1, abs=0.01)
+    assert lost(0.0, phi_deg=90.0) == pytest.approx(0.4, abs=0.01)
+    oblique = lost(0.6, phi_deg=10.0, tilt_deg=40.0) - lost(0.0, phi_deg=10.0, tilt_deg=40.0)
+    assert oblique == pytest.approx(0.6 * np.sin(np.radians(40.0)) ** 2, abs=0.08)
+    assert lost(0.6, phi_deg=10.0) - lost(0.0, phi_deg=10.0) < 0.5 * oblique
+
+
+def test_what_makes_the_jet_worse_can_be_made_worse(heading: Heading, bare: Bare) -> None:
+    exact = {"aim_error_m": 0.0, "deviation_m": [0.1, 0.1], "pump_gain": [1.0, 1.0], "pack_m": 0.0}
+    one, width = spray(sprayer_of(bare, **exact), heading, bare)
+    more, _ = spray(sprayer_of(bare, **(exact | {"pump_gain": [1.3, 1.3]})), heading, bare)
+    assert more.pumped == pytest.approx(1.3 * one.pumped)
+    _, packed = spray(sprayer_of(bare, **(exact | {"pack_m": 0.12})), heading, bare)
+    assert packed**2 - width**2 == pytest.approx(0.12**2, rel=0.2)
+    _, wandering = spray(
+        sprayer_of(bare, **(exact | {"aim_error_m": 0.25, "aim_wander_s": 0.3})), heading, bare, seconds=20.0
+    )
+    assert wandering > 1.2 * width
+    _, cut = spray(sprayer_of(bare, **(exact | {"cut_sigma": 1.0})), heading, bare)
+    assert cut < 0.8 * width
+
+
+def test_the_jet_meets_the_wall_as_it_has_grown(heading: Heading, bare: Bare) -> None:
+    """A wall that has come half a metre nearer catches a narrower jet."""
+    sprayer = sprayer_of(bare, aim_error_m=0.0, pack_m=0.0)
+    _, width = spray(sprayer, heading, bare, seconds=1.0)
+    grown, _ = spray(sprayer, heading, bare, seconds=12.0)
+    assert grown.rock.max() > 0.4
+    _, narrow = spray(sprayer, heading, bare, seconds=1.0)
+    assert narrow < 0.85 * width
+
+
+def test_what_hangs_too_thick_falls(heading: Heading, bare: Bare) -> None:
+    weak = {"fall_wall_m": [0.1, 0.1], "fall_crown_m": [0.1, 0.1], "set_s": [1e3, 1e3]}
+    grown, _ = spray(sprayer_of(bare, growth=weak), heading, bare, seconds=8.0, phi_deg=90.0)
+    whole, _ = spray(sprayer_of(bare), heading, bare, seconds=8.0, phi_deg=90.0)
+    assert grown.fallen > 0.005 and whole.fallen == 0.0
+    assert whole.rock.sum() > 1.2 * grown.rock.sum()
+
+
 def test_same_seed_same_wall(heading: Heading, bare: Bare) -> None:
     one = aim(heading, heading.truth.unsprayed[0] + 0.6, 70.0, 2.0)
     T = heading.truth.axis.T_base_tunnel
-    a, b = (Sprayer(bare, load_deposition(), np.random.default_rng(5)).spray(one, T, PUMP) for _ in range(2))
+    a, b = (sprayer_of(bare, 5).spray(one, T, PUMP) for _ in range(2))
     assert a.rock.tobytes() == b.rock.tobytes() and a.rebound == b.rebound
 
 
