@@ -170,19 +170,25 @@ def plan_again(site: Site, driven: SprayPlan, sequence: JointSequence, after: Ar
 
 def bend(site: Site, driven: SprayPlan, sequence: JointSequence, rng: np.random.Generator) -> Finish:
     """Judge the driven rows by the planner's model with other parameters than it planned with."""
-    process = site.parameters.process
-    other = bend_process(process, rng)
-    reached = np.zeros(len(driven.path), dtype=bool)
-    first = driven.dose.stretches.first
-    reached[first] = reached[first + 1] = True
-    layout = replace(driven.layout, rebound=other.rebound)  # a layout is sprayed with the rebound it believes
-    stretches = replan(layout, site.surface, driven.path, reached, other).dose.stretches
-    amount = laid_amount(sequence, stretches.first, stretches.length, len(driven.path), process.spray)
-    growth = (stretches.growth @ amount).reshape(driven.target.offset.shape)
-    target = driven.target
+    target, process = driven.target, site.parameters.process
+    growth = bend_growth(site, driven, sequence, bend_process(process, rng))
     finish = judge_finish(target.offset - growth, target, driven.exposed, process.target).value
     ok = np.isfinite(finish)
     return Finish(finish[ok], target.area[ok])
+
+
+def bend_growth(site: Site, driven: SprayPlan, sequence: JointSequence, process: ProcessParameters) -> Array:
+    """Layer that the driven rows lay if the process is another than they were planned for [m], (ns, na)."""
+    reached = np.zeros(len(driven.path), dtype=bool)
+    first = driven.dose.stretches.first
+    reached[first] = reached[first + 1] = True
+    layout = replace(
+        driven.layout, rebound=process.rebound
+    )  # a layout is sprayed with the rebound it believes
+    stretches = replan(layout, site.surface, driven.path, reached, process).dose.stretches
+    spray = site.parameters.process.spray
+    amount = laid_amount(sequence, stretches.first, stretches.length, len(driven.path), spray)
+    return np.asarray((stretches.growth @ amount).reshape(driven.target.offset.shape))
 
 
 def bend_process(process: ProcessParameters, rng: np.random.Generator) -> ProcessParameters:
