@@ -76,7 +76,7 @@ def describe_prediction(found: dict[str, Any]) -> list[str]:
         f"deviation {found['finish_std_mm']:.1f} mm, at most {found['thinnest_mm']:.0f} mm too thin",
         f"concrete: {found['pumped_m3']:.2f} m3 pumped for {found['wanted_m3']:.2f} m3, rebound "
         f"{100 * found['rebound']:.0f} %, {found['duration_s'] / 60:.0f} min"
-        + ("" if found.get("with_moves", True) else " of spraying; the moves between come on top: solve"),
+        + ("" if found.get("with_moves", True) else " at least; ramps and moves come on top: solve"),
         *(
             f"left out: {area:.1f} m2, {LEFT_TEXT.get(reason, reason)}"
             for reason, area in found["left_out_m2"].items()

@@ -48,6 +48,20 @@ SENTENCES: tuple[tuple[str, str], ...] = (
         r"planned point (\d+) is missed by (\d+) mm, ([\d.]+) deg;.*",
         r"规划点 \1 偏差 \2 mm、\3°，超出允许范围。",
     ),
+    (
+        r"the scan shows (\d+) % of the arches of the first one, needed (\d+) %",
+        r"复扫仅见首次扫描钢拱的 \1 %，至少需要 \2 %。",
+    ),
+    (
+        r"(\d+) % of the wall lies more than (\d+) mm deeper than before, allowed (\d+) %.*",
+        r"壁面有 \1 % 比首次扫描深 \2 mm 以上，允许 \3 %：可能不是同一掌子面。",
+    ),
+    (r"registration: the two scans did not settle.*", "两次扫描无法配准：可能不是同一掌子面。"),
+    (
+        r".*joints\.csv: names point (\d+), the path has (\d+);.*",
+        r"关节序列含第 \1 点，而轨迹只有 \2 点：请重新解算。",
+    ),
+    (r"the joint sequence may not be run: (.*)", r"关节序列未通过运行前检查：\1"),
     (r"no joint sequence is loaded", "尚未读取关节序列。"),
     (r"no part of the plan can be steered.*", "规划面上没有可操纵的区域。"),
     (r"the nozzle stands ([\d.]+) m from the plan.*", r"喷头距规划面 \1 m：请先运动至初始点。"),

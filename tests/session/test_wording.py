@@ -24,6 +24,14 @@ MET = (
     RecognitionError("no tunnel found: the surfaces run 31 deg off base X, allowed 20 deg"),
     RecognitionError("registration: the scans agree to 31 mm only, allowed 20 mm"),
     RecognitionError("the scan shows 12 % of the wall of the first one, needed 30 %"),
+    RecognitionError("the scan shows 1 % of the arches of the first one, needed 30 %"),
+    RecognitionError(
+        "37 % of the wall lies more than 50 mm deeper than before, allowed 5 %: a wall that is sprayed comes nearer"
+    ),
+    RecognitionError("registration: the two scans did not settle on one another"),
+    InputError(
+        "rounds/r/joints.csv: names point 2284, the path has 2209; run `ascrcp solve` on this round again"
+    ),
     UnreachableError("none of the 12 planned points has a joint solution within limits"),
     DeviceError("the compute process died while running solve; the next use starts it again"),
     InputError("rounds/round-0001/joints.csv: not there; run `ascrcp solve` on this round first"),
