@@ -26,7 +26,8 @@ MET = (
     RecognitionError("the scan shows 12 % of the wall of the first one, needed 30 %"),
     RecognitionError("the scan shows 1 % of the arches of the first one, needed 30 %"),
     RecognitionError(
-        "37 % of the wall lies more than 50 mm deeper than before, allowed 5 %: a wall that is sprayed comes nearer"
+        "37 % of the wall lies more than 50 mm deeper than before, allowed 5 %: "
+        "a wall that is sprayed comes nearer"
     ),
     RecognitionError("registration: the two scans did not settle on one another"),
     InputError(
