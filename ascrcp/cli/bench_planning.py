@@ -10,7 +10,7 @@ import numpy as np
 from ascrcp.app import Simulation, load_simulation
 from ascrcp.cli.bench import Figure, Say
 from ascrcp.cli.spray_site import Finish, Site, drive, drive_thesis
-from ascrcp.core.errors import InputError
+from ascrcp.core.errors import NothingToSprayError
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array
 from ascrcp.kinematics.arm import Arm, load_arm
@@ -148,7 +148,7 @@ def respray(
     for number in range(RESPRAYS):
         heading = grow_heading(site.heading, site.bare, sprayer.grown.rock, sprayer.grown.flange)
         points = site.scan_again(heading, obstacles, number)
-        after = find_after(points, site.surface, driven.target, driven.target.offset - driven.growth)
+        after = find_after(points, site.surface, plan.target, driven.target.offset - driven.growth)
         again = plan_again(site, driven, sequence, after)
         if again is None:
             break
@@ -164,7 +164,7 @@ def plan_again(site: Site, driven: SprayPlan, sequence: JointSequence, after: Ar
     rebound = learn_rebound(driven.layout, site.surface, sequence, after, process)
     try:
         return plan_spray(site.surface, site.parameters.path, change(process, rebound=rebound), after)
-    except InputError:
+    except NothingToSprayError:
         return None
 
 
