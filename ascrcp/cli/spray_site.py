@@ -150,15 +150,7 @@ class Site:
             seen_only: Leave out what the first scan did not see.
         """
         truth, process = self.truth, self.parameters.process
-        station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
-        row = (station - self.bare.station[0]) / (self.bare.station[1] - self.bare.station[0])
-        column = (along - self.bare.along[0]) / (self.bare.along[1] - self.bare.along[0])
-        shape = truth.offset.shape
-        layer = np.where(
-            truth.arch,
-            sample(grown.flange, row, column).reshape(shape),
-            sample(grown.rock, row, column).reshape(shape),
-        )
+        layer = np.where(truth.arch, self._on_truth(grown.flange), self._on_truth(grown.rock))
         mask = self.judged(plan, seen_only)
         finish = mean_finish(truth.offset - layer - truth.wanted, mask, truth, process.target.patch_m)
         ok = np.isfinite(finish)
@@ -187,9 +179,7 @@ class Site:
         truth = self.truth
         station, along = (x.ravel() for x in np.meshgrid(truth.station, truth.along, indexing="ij"))
         met = plan.target.sample((plan.growth > MET_M).astype(float), station, along) > 0.5
-        row = (station - self.bare.station[0]) / (self.bare.station[1] - self.bare.station[0])
-        column = (along - self.bare.along[0]) / (self.bare.along[1] - self.bare.along[0])
-        beneath = sample(np.isfinite(self.bare.flange).astype(float), row, column).reshape(truth.arch.shape)
+        beneath = self._on_truth(np.isfinite(self.bare.flange).astype(float))
         beside = truth.volume(truth.thickness) * np.where(truth.arch, 1.0, 1.0 - beneath)
         return float(beside[met.reshape(truth.arch.shape) & truth.inside].sum()) + self.filled_beneath(grown)
 
@@ -201,6 +191,14 @@ class Site:
         cell = (bare.station[1] - bare.station[0]) * (bare.along[1] - bare.along[0])
         bend = curvature(bare.profile, bare.along)
         return float((layer * (1.0 + bend * (bare.rock - layer / 2.0))).sum() * cell)
+
+    def _on_truth(self, grid: Array) -> Array:
+        """Read a grid of the bare wall at the cells of the truth, shape of the truth's."""
+        truth, bare = self.truth, self.bare
+        row = (truth.station - bare.station[0]) / (bare.station[1] - bare.station[0])
+        column = (truth.along - bare.along[0]) / (bare.along[1] - bare.along[0])
+        place = (x.ravel() for x in np.meshgrid(row, column, indexing="ij"))
+        return sample(grid, *place).reshape(truth.offset.shape)
 
     def _floor_z(self) -> float:
         """Height of the true floor in the section plane [m]."""

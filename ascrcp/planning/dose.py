@@ -270,14 +270,10 @@ def _over_limit(
         mean = mean_patch(grown, ~target.arch, target.cell, process.target.patch_m)
         times = np.nan_to_num(mean) / limit
         core = csr_matrix(footprint.T)
-        core.data = np.where(core.data > 0.5 * np.repeat(_peaks(core), np.diff(core.indptr)), 1.0, 0.0)
+        peak = core.max(axis=1).toarray().ravel()
+        core.data = np.where(core.data > 0.5 * np.repeat(peak, np.diff(core.indptr)), 1.0, 0.0)
         over[mine] = core.multiply(times.ravel()[None, :]).max(axis=1).toarray().ravel()
     return over
-
-
-def _peaks(rows: csr_matrix) -> Array:
-    """Largest value of each row, shape (m,)."""
-    return np.asarray(rows.max(axis=1).toarray().ravel())
 
 
 def _round_off(amount: Array, process: ProcessParameters) -> Array:

@@ -5,7 +5,6 @@ them, hit the flanks of pockets, and meet the wall as it has grown by then.
 """
 
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Annotated
 
 import msgspec
@@ -13,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from ascrcp.core.config import Struct, load
+from ascrcp.core.config import Struct
 from ascrcp.core.flow import JointSequence
 from ascrcp.core.geometry import Array, inverse_transform
-from ascrcp.core.paths import CONFIG
 from ascrcp.simulation.bare_wall import Bare, sample
 from ascrcp.simulation.fresh import Fresh, GrowthConfig
 from ascrcp.simulation.tunnel import Range, draw
@@ -50,15 +48,6 @@ class DepositionConfig(Struct):
     cut_sigma: Annotated[float, msgspec.Meta(ge=1.0, le=5.0)]
     pack_m: Annotated[float, msgspec.Meta(ge=0.0, le=0.3)]
     slope_m: Annotated[float, msgspec.Meta(ge=0.02, le=0.5)]
-
-
-def load_deposition(path: Path = CONFIG / "simulation" / "deposition.yaml") -> DepositionConfig:
-    """Read the simulated spray.
-
-    Raises:
-        ConfigError: With the key and the rule it breaks.
-    """
-    return load(path, DepositionConfig)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from ascrcp.core.config import load
 from ascrcp.core.geometry import Array, apply_transform, rotation
 from ascrcp.core.paths import CONFIG
 from ascrcp.devices.lidar import SickLidar
-from ascrcp.simulation.deposition import load_deposition
+from ascrcp.simulation.deposition import DepositionConfig
 from ascrcp.simulation.fresh import GrowthConfig
 from ascrcp.simulation.growth import GrowingWall, NozzleRecord, SprayTruth
 from ascrcp.simulation.heading import Heading, build_heading
@@ -34,7 +34,8 @@ def heading() -> Heading:
 
 def spray_truth(**overlay: Any) -> SprayTruth:
     growth = load(CONFIG / "simulation" / "growth.yaml", GrowthConfig, overlay)
-    return SprayTruth(load_deposition(), growth, 0.15, PUMP)
+    jet = load(CONFIG / "simulation" / "deposition.yaml", DepositionConfig)
+    return SprayTruth(jet, growth, 0.15, PUMP)
 
 
 def nozzle_at(heading: Heading, station: float, phi_deg: float, stand_off: float = 1.0) -> Array:
